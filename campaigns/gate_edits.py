@@ -27,7 +27,7 @@ from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.parts import parts
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.run import Options
 
 _NUMBERS = """

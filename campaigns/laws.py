@@ -28,17 +28,16 @@ from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import SMOOTH, NumberEffect, counted_numbers
 from physics_crosscheck.harness.diagnosis.law_problem import (
-    AnyLawProblem,
+    LawProblem,
     diagnose_laws,
     law_problem,
 )
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import FileError
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 
@@ -110,7 +109,7 @@ class LawBaseline:
     """
 
     task: TreeTask
-    problem: AnyLawProblem
+    problem: LawProblem
 
     @staticmethod
     def from_file(file: Path, engine: str = "", *, floating: bool = False) -> LawBaseline | None:
@@ -188,7 +187,7 @@ def _judge_shape(wrong: TreeTask, number: Number, acts: float) -> LawFault:
     return LawFault(acts=np.inf, outcome="DIFFERS", named=named)
 
 
-def _names(problem: AnyLawProblem, address: str) -> bool:
+def _names(problem: LawProblem, address: str) -> bool:
     """Return whether the diagnosis names a number as the cause, alone or tied."""
     ranking = diagnose_laws(problem)
     if not (ranking.explained and ranking.fits):

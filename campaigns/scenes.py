@@ -26,10 +26,8 @@ from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_w
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, law_model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.reference.laws.step import LawSolution
 
 OWN_SOLVER = "solver", "tolerance", "iterations", "ls_iterations", "ls_tolerance"
 """Options of a scene that set up its own solver."""
@@ -92,9 +90,7 @@ def mjx_result(file: Path) -> SceneResult:
     return mujoco_result(file, "mjx")
 
 
-def by_own_solver(
-    comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
-) -> LawDefect:
+def by_own_solver(comparison: LawComparison, evaluated: Sequence[Evaluated]) -> LawDefect:
     """Compare the states again, with the solver and tolerance of the file."""
     model = comparison.model
     assert isinstance(model, MujocoWhole)

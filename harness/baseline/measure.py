@@ -15,13 +15,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
-from typing import Any
 
 import msgspec
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.law_comparison import Evaluated, WholeStepComparison
+from physics_crosscheck.harness.checks.law_comparison import Evaluated, LawComparison
 from physics_crosscheck.harness.checks.prepare import Prepared, PreparedSystem, PreparedTree
 from physics_crosscheck.harness.checks.task import ModelTask
 from physics_crosscheck.harness.checks.whole_step import case_whole_step
@@ -48,8 +47,6 @@ from physics_crosscheck.reference.solving.samples import ends_of
 from physics_crosscheck.reference.solving.segments import Segments
 from physics_crosscheck.reference.solving.variants import Variants
 from .diff import equations_movement
-
-Comparison = WholeStepComparison[Any, Any]
 
 
 def measure_steps(
@@ -89,7 +86,7 @@ def measure_steps(
     )
 
 
-def _ends(comparison: Comparison, evaluated: Sequence[Evaluated[Any]]) -> StepEnds:
+def _ends(comparison: LawComparison, evaluated: Sequence[Evaluated]) -> StepEnds:
     return StepEnds(
         values=rows(comparison.answer(sample).tolist() for sample in evaluated),
         uncertainty=rows(comparison.uncertainty(sample).tolist() for sample in evaluated),

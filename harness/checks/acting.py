@@ -16,9 +16,14 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import read_urdf
 from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec, PlanarWhole
+from physics_crosscheck.harness.engines.protocol import (
+    LoadedModel,
+    ModelSpec,
+    PlanarWhole,
+    WholeModel,
+)
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
@@ -33,6 +38,7 @@ from physics_crosscheck.reference.laws.acting import (
     rest_on,
 )
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
+from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel, mix_compliant
 from physics_crosscheck.reference.laws.planar import LIMITS, SPRINGS, PlanarModel
@@ -50,7 +56,7 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
-from .law_comparison import ImpulseComparison
+from .law_comparison import LawComparison
 
 NAMED = 3
 """Largest number of subjects that a line names."""
@@ -118,7 +124,7 @@ def urdf_quantities(spec: ModelSpec, engine: str) -> tuple[ActingQuantity, ...]:
         floor = laws.laws.root is not None or bool(spec.settings.get("floor"))
         links = read_urdf(Document(robot.file)).links.items() if floor else ()
         grounded = frozenset(name for name, one in links if one.element.find("collision"))
-        return tuple(_of_impulses(ImpulseComparison(laws, model), grounded))
+        return tuple(_of_impulses(laws, model, grounded))
     except TreeError:
         return ()
 
@@ -376,15 +382,16 @@ def _of_near_rigid(model: NearRigidModel) -> Iterator[ActingQuantity]:
 
 
 def _of_impulses(
-    comparison: ImpulseComparison, grounded: frozenset[str]
+    model: ImpulseModel, whole: WholeModel, grounded: frozenset[str]
 ) -> Iterator[ActingQuantity]:
     """Yield quantities of contacts with the ground, joint limits and drives, as drawn, at rest.
 
     Args:
-        comparison: the file in the engine, and by its laws.
+        model: the laws of the file.
+        whole: the file in the engine.
         grounded: links whose shapes meet the floor.
     """
-    laws, tree = comparison.laws.laws, comparison.laws.tree.tree
+    laws, tree = model.laws, model.tree.tree
     rules, (floor, *surfaces) = laws.rules, laws.surfaces
     for name, surface in zip(rules.bodies[1:], surfaces, strict=True):
         if name in grounded:
@@ -393,8 +400,8 @@ def _of_impulses(
     yield _quantity("all links", DRAG, rules.drag, "1/s", rule)
     posture: Posture | None = None
     if any(joint.effort for joint in laws.joints):
-        start = next(iter(comparison.model.starts))
-        posture = next(comparison.postures([start._replace(m=0 * start.m)]))
+        start = next(iter(whole.starts))
+        posture = next(LawComparison(model, whole).postures([start._replace(m=0 * start.m)]))
     for joint in laws.joints:
         link = tree.links[joint.joint]
         if joint.lower <= joint.upper:

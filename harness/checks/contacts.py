@@ -41,7 +41,7 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
-from .law_comparison import Evaluated, M, S, WholeStepComparison
+from .law_comparison import Evaluated, LawComparison
 from .law_states import MAX_CONTACTS
 
 EXACT, ROUGH = 1e-9, 1e-3
@@ -238,8 +238,8 @@ def _surfaces(robot: Robot, rules: Rules) -> Iterator[tuple[str, int]]:
 
 def check_contacts(
     touching: TouchingShapes,
-    comparison: WholeStepComparison[M, S],
-    evaluated: Sequence[Evaluated[S]],
+    comparison: LawComparison,
+    evaluated: Sequence[Evaluated],
 ) -> ContactCheck:
     """Compare the contacts of an engine with the shapes of the file."""
     judge = _Judge(touching, comparison)
@@ -253,9 +253,7 @@ def check_contacts(
     return judge.result()
 
 
-def _placed_states(
-    touching: TouchingShapes, comparison: WholeStepComparison[M, S]
-) -> Iterator[WholeState]:
+def _placed_states(touching: TouchingShapes, comparison: LawComparison) -> Iterator[WholeState]:
     """Yield states in which a shape of a floating tree is put onto one that it may touch."""
     tree, start = comparison.laws.tree.tree, next(iter(comparison.model.starts))
     posture, roots = next(comparison.postures([start])), list[int]()
@@ -292,7 +290,7 @@ class _Expected(NamedTuple):
 class _Judge:
     """Counts and worst faults of contacts, state by state."""
 
-    def __init__(self, touching: TouchingShapes, comparison: WholeStepComparison[M, S]) -> None:
+    def __init__(self, touching: TouchingShapes, comparison: LawComparison) -> None:
         self._touching, self._model, self._laws = touching, comparison.model, comparison.laws
         self._surfaces = [one.surface for one in touching.shapes]
         self._margins = np.array([self._margin(i, j) for i, j in touching.pairs])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence, Set
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,19 +15,12 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeState,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.reference.laws.soft import WITHIN, Part
-from physics_crosscheck.reference.laws.step import LawSolution
+from physics_crosscheck.reference.laws.drives import eased, holding
+from physics_crosscheck.reference.laws.mechanics import Posture
+from physics_crosscheck.reference.laws.soft import WITHIN, Part, gains, varies
+from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules
-from .law_comparison import (
-    DEEPEST,
-    MAX_OUTWARD,
-    Evaluated,
-    LawComparison,
-    M,
-    S,
-    WholeStepComparison,
-    turned,
-)
+from .law_comparison import Evaluated, LawComparison
 
 STATES, SEED = 24, 20261125
 """Number of states, and the seed of their draws."""
@@ -56,9 +49,21 @@ FASTEST, SMALL = 100.0, 0.01
 LONG, SHORT = 600, 40
 """Largest number of steps before a state: a fall to the floor, or a change of the contacts."""
 
+DEEPEST = 0.02
+"""Largest violation of a limit, as a share of its range."""
+
+NEWTON_STEPS, LARGEST_STEP = 10, 0.3
+"""Iterations that put a tendon or an equality at a violation, and the largest one, rad or m."""
+
+MAX_OUTWARD = 50.0
+"""Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
+
+MAX_FORCED = 300.0
+"""The same of a joint that other forces pull back so much that its limit never acted."""
+
 
 def drawn_states(
-    comparison: WholeStepComparison[M, S], count: int = STATES
+    comparison: LawComparison, count: int = STATES
 ) -> Iterator[tuple[WholeState, EngineStep]]:
     """Yield states in which limits, contacts and drives act, with the engine's step.
 
@@ -91,11 +96,11 @@ def drawn_states(
                 break
 
 
-def evaluated_states(comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:
+def evaluated_states(comparison: LawComparison) -> list[Evaluated]:
     """Evaluate drawn states, and a few more at which parts of the laws act that never did."""
     evaluated = comparison.solve_steps(tuple(drawn_states(comparison)))
-    if evaluated and isinstance(comparison, LawComparison):
-        evaluated += tuple(_acting_states(comparison, evaluated))
+    if evaluated and isinstance(comparison.laws, LawModel):
+        evaluated += tuple(_acting_states(comparison, comparison.laws, evaluated))
     return evaluated
 
 
@@ -104,8 +109,8 @@ class KeptSteps:
 
     def __init__(self) -> None:
         self._kept: dict[str, tuple[ModelSpec, WholeModel | None]] = {}
-        self._evaluated: dict[str, list[Evaluated[Any]]] = {}
-        self._comparisons: dict[str, WholeStepComparison[Any, Any]] = {}
+        self._evaluated: dict[str, list[Evaluated]] = {}
+        self._comparisons: dict[str, LawComparison] = {}
 
     def __reduce__(self) -> tuple[type[KeptSteps], tuple[()]]:
         return KeptSteps, ()  # other processes have their own
@@ -120,7 +125,7 @@ class KeptSteps:
             self._kept[engine] = spec, model
         return model
 
-    def evaluated(self, comparison: WholeStepComparison[M, S]) -> list[Evaluated[S]]:
+    def evaluated(self, comparison: LawComparison) -> list[Evaluated]:
         """Return the evaluated states of a comparison with a kept model."""
         names = (name for name, (_, model) in self._kept.items() if model is comparison.model)
         engine = next(names, None)
@@ -131,21 +136,23 @@ class KeptSteps:
         self._comparisons[engine] = comparison
         return self._evaluated[engine]
 
-    def kept(
-        self, engine: str
-    ) -> tuple[WholeStepComparison[Any, Any] | None, Sequence[Evaluated[Any]]]:
+    def kept(self, engine: str) -> tuple[LawComparison | None, Sequence[Evaluated]]:
         """Return an engine's comparison and its evaluated states; nothing before `evaluated`."""
         return self._comparisons.get(engine), self._evaluated.get(engine, ())
 
 
 def _acting_states(
-    comparison: LawComparison, evaluated: Sequence[Evaluated[LawSolution]]
-) -> Iterator[Evaluated[LawSolution]]:
+    comparison: LawComparison, laws: LawModel, evaluated: Sequence[Evaluated]
+) -> Iterator[Evaluated]:
     """Yield states at which parts of the laws act that don't elsewhere, most of them first."""
-    missing = comparison.missing_parts(evaluated)
-    states = _candidates(comparison, missing)
+    solutions = (sample.solution for sample in evaluated)
+    missing = laws.missing_parts(one for one in solutions if isinstance(one, LawSolution))
+    states = _candidates(comparison, laws, missing)
     postures = list(comparison.postures(states)) if states else []
-    sets = list(map(comparison.acting, postures, states))
+    sets = list[set[Part]]()
+    for posture, state in zip(postures, states, strict=True):  # without contacts
+        inputs = state.controls, state.activations, ()
+        sets.append(set(laws.acting(laws.solve(posture, *inputs, np.zeros(len(posture.m))))))
     added = 0
     while added < ADDED and any(acts & missing for acts in sets):
         best = max(range(len(sets)), key=lambda k: len(sets[k] & missing))
@@ -154,14 +161,15 @@ def _acting_states(
         if step is None:
             continue
         solution = comparison.solve(postures[best], state, step)
-        if acting := missing & set(comparison.laws.acting(solution)):  # contacts may push it back
+        assert isinstance(solution, LawSolution)
+        if acting := missing & set(laws.acting(solution)):  # contacts may push it back
             missing, added = missing - acting, added + 1
             yield Evaluated(state=state, solution=solution, engine=step)
 
 
-def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]:
+def _candidates(comparison: LawComparison, laws: LawModel, parts: Set[Part]) -> list[WholeState]:
     """Return states at which some parts are likely to act, at slow and fast velocities."""
-    states, eased, held = list[WholeState](), list[int](), list[int]()
+    states, ease, held = list[WholeState](), list[int](), list[int]()
     model, rng = comparison.model, np.random.default_rng(SEED + 1)
     starts = list(model.starts)
     limits = sorted(part for part in parts if part.kind == "limit")
@@ -175,7 +183,7 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
         if kinds & {"force", "joint force", "tendon force"}:
             states.append(fast._replace(z=_anywhere(comparison, rng, state.z)))
         if kinds & {"control", "state"}:
-            eased.append(len(states))
+            ease.append(len(states))
             states.append(state)
         if "dry friction" in kinds:
             held.append(len(states))
@@ -185,16 +193,152 @@ def _candidates(comparison: LawComparison, parts: Set[Part]) -> list[WholeState]
         for start, forced in ((_close(rng, starts[0]), False), (elsewhere, True)):
             share, speed = 10 ** rng.uniform(-2, 0), MAX_OUTWARD ** rng.uniform(-1, 1)
             held.append(len(states))
-            states.append(comparison.at_limit(start, part, share, speed, forced=forced))
+            states.append(_at_limit(comparison, laws, start, part, share, speed, forced=forced))
     states += [
-        comparison.near_equality(_close(rng, starts[0]), part, rng.uniform(0.2, 0.8))
+        _near_equality(comparison, laws, _close(rng, starts[0]), part, rng.uniform(0.2, 0.8))
         for part in sorted(parts)
         if part.kind == "equality"
     ]
-    for places, change in ((eased, comparison.eased), (held, comparison.held)):
-        for i, changed in zip(places, change([states[i] for i in places]), strict=True):
-            states[i] = changed
+    scale = laws.weights.path_accelerations
+    for place, posture in zip(ease, comparison.postures([states[i] for i in ease]) if ease else (),
+                              strict=True):  # fmt: skip
+        state = states[place]
+        by = eased(laws.laws, posture, scale, state.controls, state.activations)
+        states[place] = _moved_by(comparison, state, *by)
+    for place, posture in zip(held, comparison.postures([states[i] for i in held]) if held else (),
+                              strict=True):  # fmt: skip
+        # The drives balance the other forces along their paths.
+        states[place] = states[place].driven_by(*holding(laws.laws, posture, scale))
     return states
+
+
+def _moved_by(comparison: LawComparison, state: WholeState, by: Array, sped: Array) -> WholeState:
+    """Return a state with other positions and velocities, by changes in the tree's order."""
+    z, m = state.z.copy(), state.m.copy()
+    z[comparison.order] += by
+    m[comparison.order] += sped
+    return state._replace(z=z, m=m)
+
+
+def _at_limit(
+    comparison: LawComparison,
+    laws: LawModel,
+    state: WholeState,
+    part: Part,
+    share: float,
+    speed: float,
+    *,
+    forced: bool,
+) -> WholeState:
+    """Return a state beyond a limit, moving outward.
+
+    Args:
+        comparison: of the laws.
+        laws: with the limit.
+        state: to start from.
+        part: of the limit.
+        share: of the largest violation, or of the width of the impedance.
+        speed: rad/s or m/s.
+        forced: whether so fast that the limit acts although other forces pull the joint back.
+    """
+    limit, tree, order = laws.laws.limits[part.place], laws.tree.tree, comparison.order
+    way = -1 if part.way < 0 else 1
+    end, depth = (limit.lower, limit.upper)[way > 0], DEEPEST * (limit.upper - limit.lower)
+    if part.way == WITHIN:
+        depth = limit.softness.impedance[2]
+    beyond = end + way * (share * depth - (part.way == WITHIN) * limit.margin)
+    if limit.joint < 0:
+
+        def miss(posture: Posture) -> tuple[Array, Array]:
+            length = posture.lengths[limit.path]
+            return posture.rows[limit.path][None], np.array([length - beyond])
+
+        moved = _moved_to(comparison, state, miss)
+        row, _ = miss(next(comparison.postures([moved])))
+        moved.m[order] = way * (speed + forced * MAX_OUTWARD) * np.linalg.pinv(row)[:, 0]
+        return moved
+    there = order[tree.velocities[limit.joint]]
+    if tree.links[limit.joint].kind == "ball":
+        return _turned(state, there, abs(beyond), speed + forced * MAX_OUTWARD)
+    z, m, (place,) = state.z.copy(), state.m.copy(), there
+    z[place] = beyond
+    if forced:
+        outwards = np.zeros(len(z))
+        outwards[place] = way
+        least = _outward_speed(comparison, state._replace(z=z), outwards, MAX_FORCED)[place]
+        speed = max(speed, 1.5 * abs(least))
+    m[place] = way * speed
+    return state._replace(z=z, m=m)
+
+
+def _near_equality(
+    comparison: LawComparison, laws: LawModel, state: WholeState, part: Part, share: float
+) -> WholeState:
+    """Return a state that violates an equality by a share of the width of its impedance."""
+    equality = laws.laws.equalities[part.place]
+    single = laws.under(replace(laws.laws, equalities=(equality,), frictions=(), limits=()))
+
+    def miss(posture: Posture) -> tuple[Array, Array]:
+        rows = single.rows(posture, ())
+        violation = np.array(rows.violations)
+        size = max(float(np.linalg.norm(violation)), np.finfo(float).tiny)
+        wanted = share * equality.softness.impedance[2] * violation / size
+        return np.array(rows.jacobian), violation - wanted
+
+    return _moved_to(comparison, state, miss)
+
+
+def _moved_to(
+    comparison: LawComparison,
+    state: WholeState,
+    miss: Callable[[Posture], tuple[Array, Array]],
+) -> WholeState:
+    """Return a state whose positions are moved by Newton's method, by rows and their errors."""
+    for _ in range(NEWTON_STEPS):
+        row, error = miss(next(comparison.postures([state])))
+        moved = np.linalg.pinv(row) @ error
+        largest = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
+        by = -min(1.0, LARGEST_STEP / largest) * moved
+        state = _moved_by(comparison, state, by, np.zeros(len(by)))
+    return state
+
+
+def _outward_speed(
+    comparison: LawComparison, state: WholeState, outwards: Array, largest: float = MAX_OUTWARD
+) -> Array:
+    """Return speeds at which limits act although other forces pull joints back, (nz,).
+
+    At them the reference of each limit resists the free acceleration. `outwards` are the signs of
+    the joints that are beyond a limit, 0 for others, (nz,). No speed is above the largest one.
+    """
+    model, speed = comparison.laws, np.zeros(len(outwards))
+    if not isinstance(model, LawModel):
+        return speed
+    laws, posture = model.laws, next(comparison.postures([state]))
+    free = model.evaluate(posture, state.controls, state.activations, ()).problem.free
+    for limit in laws.limits:
+        if limit.joint >= 0:
+            there = model.tree.tree.velocities[limit.joint].start
+            place, softness = comparison.order[there], limit.softness
+            damping = gains(softness.reference, softness.impedance[1], laws.step,
+                            safe=laws.safe)[1]  # fmt: skip
+            back = max(0.0, -outwards[place] * float(free[there]))
+            outward = back / damping if damping else np.inf
+            speed[place] = outwards[place] * min(largest, outward)
+    return speed
+
+
+def _turned(state: WholeState, places: Sequence[int], angle: float, speed: float) -> WholeState:
+    """Return a state with a ball joint at an angle, moving on about the same axis.
+
+    The axis is that of its coordinates, (3,), which are 4 tan(angle / 4) along it.
+    """
+    z, m = state.z.copy(), state.m.copy()
+    size = float(np.linalg.norm(z[places]))
+    axis = z[places] / size if size else np.full(3, 3**-0.5)
+    z[places] = 4 * np.tan(angle / 4) * axis
+    m[places] = speed * axis
+    return state._replace(z=z, m=m)
 
 
 def _close(rng: np.random.Generator, state: WholeState) -> WholeState:
@@ -215,14 +359,15 @@ def _usable_step(model: WholeModel, state: WholeState) -> EngineStep | None:
 
 
 def _driven(
-    comparison: WholeStepComparison[M, S], rng: np.random.Generator, start: WholeState, turn: int
+    comparison: LawComparison, rng: np.random.Generator, start: WholeState, turn: int
 ) -> WholeState:
     """Return a start with random velocities, controls and states of drives.
 
     In turn, the controls are inside and beyond both ends of their ranges, then all on one side, so
     that limits of sums act: each control is beyond each end in some of the turns. So are states.
     """
-    model, (controls, activations) = comparison.model, comparison.drive_ranges
+    model = comparison.model
+    controls, activations = comparison.laws.drive_ranges(model.controls, model.activations)
     places = (np.arange(model.controls) + turn) % 3 - 1
     sign = SIGNS[turn % len(SIGNS)]
     inside, outside = rng.uniform(-1, 1, (2, model.controls)) + 0 * start.controls  # NaN: off
@@ -254,7 +399,7 @@ def _drawn_activations(ranges: Array, rng: np.random.Generator, start: Array) ->
 
 
 def _fallen(
-    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
+    comparison: LawComparison, rng: np.random.Generator, state: WholeState, turn: int
 ) -> WholeState:
     """Return the state after some steps.
 
@@ -265,25 +410,26 @@ def _fallen(
     if not turn:
         return model.moved(state, int(rng.integers(1, SHORT)))
     z = state.z.copy()
-    for place in comparison.rotations:
-        if np.any(np.isinf(comparison.ranges[place])):
-            z[place] += rng.normal()
+    tree = comparison.laws.tree.tree
+    for link, there in zip(tree.links, tree.velocities, strict=True):
+        turns = {"free": 3, "ball": 3, "hinge": 1}.get(link.kind, 0)
+        for place in comparison.order[there.start : there.start + turns]:
+            if np.any(np.isinf(comparison.ranges[place])):
+                z[place] += rng.normal()
     return model.moved(state._replace(z=z), int(rng.integers(LONG // 2, LONG)))
 
 
 def _unsaturated(
-    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState
+    comparison: LawComparison, rng: np.random.Generator, state: WholeState
 ) -> WholeState:
     """Return a state with controls at which no drive is at a limit."""
     posture = next(comparison.postures([state]))
-    shares = rng.uniform(-0.8, 0.8, comparison.drives)
-    controls, activations = comparison.unsaturated(posture, shares)
+    shares = rng.uniform(-0.8, 0.8, comparison.laws.drive_count)
+    controls, activations = comparison.laws.unsaturated(posture, shares)
     return state.driven_by(controls, activations)
 
 
-def _pressed(
-    comparison: WholeStepComparison[M, S], rules: ImpulseRules, state: WholeState
-) -> WholeState:
+def _pressed(comparison: LawComparison, rules: ImpulseRules, state: WholeState) -> WholeState:
     """Return a state whose joints beyond their limits move outward, and are not driven back."""
     model, (low, high) = comparison.model, comparison.ranges.T
     outward = np.sign(np.maximum(state.z - high, 0.0) - np.maximum(low - state.z, 0.0))
@@ -297,7 +443,7 @@ def _pressed(
 
 
 def _beyond(
-    comparison: WholeStepComparison[M, S], rng: np.random.Generator, state: WholeState, turn: int
+    comparison: LawComparison, rng: np.random.Generator, state: WholeState, turn: int
 ) -> WholeState:
     """Return a state with half of the limited joints at a limit, up to 2 % beyond it.
 
@@ -315,27 +461,45 @@ def _beyond(
     drawn = rng.uniform(-2, 0, count)
     shallow = place // 4 % 2 == 1
     depth = width * DEEPEST * np.where(shallow, 10**drawn, 1 + drawn / 4)
-    margin, soft = comparison.hardening.T
+    margin, soft = _hardening(comparison).T
     depth = sign * np.where(shallow & (soft > 0), -drawn / 2 * soft - margin, depth)
     moved = state._replace(z=bound + outwards * depth)
-    speed = comparison.outward_speed(moved, outwards) * rng.uniform(1, 2, count)
+    speed = _outward_speed(comparison, moved, outwards) * rng.uniform(1, 2, count)
     moved = moved._replace(m=state.m + speed)
-    for i, (places, angle) in enumerate(comparison.balls):
+    for i, (places, angle) in enumerate(_balls(comparison)):
         if (i + turn) % 2 == 0:
             moved.z[places] = rng.normal(size=3)
             beyond = angle * (1 + DEEPEST * 10 ** rng.uniform(-2, 0))
-            moved = turned(moved, places, beyond, 0.2 * MAX_OUTWARD * rng.uniform())
+            moved = _turned(moved, places, beyond, 0.2 * MAX_OUTWARD * rng.uniform())
     return moved
 
 
-def _anywhere(comparison: WholeStepComparison[M, S], rng: np.random.Generator, z: Array) -> Array:
+def _hardening(comparison: LawComparison) -> Array:
+    """Return margins of limits, and the widths over which they harden, (nz, 2); 0 without one."""
+    model, result = comparison.laws, np.zeros((len(comparison.order), 2))
+    for limit in model.laws.limits if isinstance(model, LawModel) else ():
+        if limit.joint >= 0 and varies(limit.softness):
+            places = comparison.order[model.tree.tree.velocities[limit.joint]]
+            result[places] = limit.margin, limit.softness.impedance[2]
+    return result
+
+
+def _balls(comparison: LawComparison) -> Iterator[tuple[list[int], float]]:
+    """Yield the engine's coordinates of each limited ball joint, and its largest angle."""
+    tree = comparison.laws.tree.tree
+    for joint, lower, upper in comparison.laws.limits:
+        if tree.links[joint].kind == "ball":
+            yield comparison.order[tree.velocities[joint]], max(lower, upper)
+
+
+def _anywhere(comparison: LawComparison, rng: np.random.Generator, z: Array) -> Array:
     """Return positions anywhere in the joints' ranges."""
     ranges = comparison.ranges
     limited = np.isfinite(ranges).all(axis=1)
     low, high = (np.where(limited, end, 0.0) for end in ranges.T)
     place = low + (high - low) * rng.uniform(size=len(z))
     result = np.where(limited, place, z)
-    for places, angle in comparison.balls:
+    for places, angle in _balls(comparison):
         axis = rng.normal(size=3)
         share = angle * rng.uniform()
         result[places] = 4 * np.tan(share / 4) * axis / np.linalg.norm(axis)

@@ -21,7 +21,7 @@ from physics_crosscheck.reference.laws.mechanics import Posture
 from physics_crosscheck.reference.laws.solids import distance, gap
 from physics_crosscheck.reference.mechanism.laws import ContactPoint
 from .contacts import ROUGH, Pair, TouchingShapes, extent_of
-from .law_comparison import M, S, WholeStepComparison
+from .law_comparison import LawComparison
 from .law_states import SEED
 
 POSTURES, DIGITS = 16, 10
@@ -32,7 +32,7 @@ ALIKE = (2 * ROUGH) ** 0.5
 
 
 def shared_contacts(
-    touching: TouchingShapes, comparison: WholeStepComparison[M, S]
+    touching: TouchingShapes, comparison: LawComparison
 ) -> tuple[tuple[str, ...], tuple[Touch, ...]]:
     """Return digests of postures in the file's ranges, and the deepest contacts there.
 
@@ -76,7 +76,7 @@ def shared_contacts(
 
 
 def _postures(
-    comparison: WholeStepComparison[M, S],
+    comparison: LawComparison,
 ) -> Iterator[tuple[str, WholeState, Posture]]:
     """Yield postures: joints are anywhere in their ranges, hinges without one anywhere."""
     order, tree = np.array(comparison.order), comparison.laws.tree.tree

@@ -24,13 +24,12 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import (
     MisreadNumber,
     ReadingCheck,
     check_reading,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, placed_shapes
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, law_model, placed_shapes
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
@@ -41,13 +40,12 @@ from physics_crosscheck.harness.records.case import CaseKind, LawTerm, WholeStep
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import ActingState
 from physics_crosscheck.harness.results.status import counted, listed
-from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.mechanism.laws import ImpulseRules, Rules, SoftRules
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .contacts import TouchingShapes, check_contacts, shapes_of_laws, shapes_of_urdf
 from .findings import format_omission
-from .law_comparison import Evaluated, ImpulseComparison, LawComparison, M, S, WholeStepComparison
+from .law_comparison import Evaluated, LawComparison
 from .law_states import KeptSteps
 from .prepare import Prepared, PreparedTree
 from .scene import acting_state, compiled_inertias, inertia_differences
@@ -308,11 +306,8 @@ def _check_rules(
     if laws is None:
         return WholeStepCheck.skipped()
     touching = shapes_of_urdf(robot, laws.tree.tree, rules, model.floor)
-    if isinstance(laws, ImpulseModel):
-        impulses = ImpulseComparison(laws, model, shapes=_shapes_of(rules))
-        return _check(impulses, touching, omissions, resolution, steps)
-    law = LawComparison(laws, model, shapes=_shapes_of(rules))
-    return _check(law, touching, omissions, resolution, steps)
+    comparison = LawComparison(laws, model, shapes=_shapes_of(rules))
+    return _check(comparison, touching, omissions, resolution, steps)
 
 
 def _shapes_of(rules: Rules) -> tuple[str, ...]:
@@ -325,7 +320,7 @@ def _shapes_of(rules: Rules) -> tuple[str, ...]:
 
 
 def _check(
-    comparison: WholeStepComparison[M, S],
+    comparison: LawComparison,
     touching: TouchingShapes,
     omissions: Sequence[Omission],
     resolution: float,
@@ -354,7 +349,7 @@ def _check(
         states=len(rows),
         unresolved=len(evaluated) - len(rows),
         step=number(model.step),
-        next_state=comparison.steps,
+        next_state=comparison.laws.has_next_state,
         edits=model.edits,
         covered=covered,
         inactive=inactive,
@@ -384,8 +379,8 @@ NAMED = 4
 
 
 def _covered(
-    comparison: WholeStepComparison[M, S],
-    samples: Sequence[Evaluated[S]],
+    comparison: LawComparison,
+    samples: Sequence[Evaluated],
     omissions: Sequence[Omission],
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the parts of a file that acted at judged states, and what of them never did."""
@@ -408,8 +403,8 @@ def _covered(
 
 
 def _shown(
-    comparison: WholeStepComparison[M, S],
-    rows: Sequence[Evaluated[S]],
+    comparison: LawComparison,
+    rows: Sequence[Evaluated],
     judged: LimitVerdict,
 ) -> ActingState:
     """Return the worst state, or for steps that agree the one where most forces act."""
@@ -418,7 +413,7 @@ def _shown(
     return acting_state(comparison, max(rows, key=_acting_forces), differs=False)
 
 
-def _acting_forces(sample: Evaluated[S]) -> int:
+def _acting_forces(sample: Evaluated) -> int:
     """Return how many contacts, limits and saturated drives act, each kind up to eight."""
     acted = sample.solution.law.acted(sample.acceleration)
     return sum(min(count, 8) for name, count in acted if name in SHOWN)
@@ -444,7 +439,7 @@ def _parts_of(rules: Rules, *, floats: bool) -> tuple[str, ...]:
     return tuple(part for part, act in acts.items() if act)
 
 
-def _acted(evaluated: Sequence[Evaluated[S]]) -> Mapping[str, int]:
+def _acted(evaluated: Sequence[Evaluated]) -> Mapping[str, int]:
     """Return how often forces of each kind acted."""
     count: Counter[str] = Counter()
     for sample in evaluated:

@@ -15,9 +15,9 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
-from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.elements import Number, XmlElement, replace_numbers
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number, replace_numbers
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
@@ -34,7 +34,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from .law_problem import AnyLawProblem, law_problem
+from .law_problem import LawProblem, law_problem
 from .robot_problem import RobotProblem
 from .robot_task import problem_of
 
@@ -88,7 +88,7 @@ class Trials:
         self._numbers, self._folder = numbers, folder
         parts = (one.file for one in numbers)
         files = dict.fromkeys((self._sidecar.model, Path(f"{self._sidecar.model}.toml"), *parts))
-        self._texts = {file: file.read_bytes() for file in files}
+        self._texts = {file: read_regular(file) for file in files}
         model, coordinates = task.load()
         self._z, self._w = coordinates.to_engine(_some(task.target.visited))
         self._frames = _frames(task.target.system, self._sidecar)
@@ -436,7 +436,7 @@ FEW_STATES = 4
 """States that are tried together: most numbers act at one of the first."""
 
 
-def _largest_effect(parts: Sequence[AnyLawProblem], index: int, resolution: float) -> NumberEffect:
+def _largest_effect(parts: Sequence[LawProblem], index: int, resolution: float) -> NumberEffect:
     effects = set[NumberEffect]()
     for part in parts:
         effects.add(_effect(part, index, resolution))
@@ -446,7 +446,7 @@ def _largest_effect(parts: Sequence[AnyLawProblem], index: int, resolution: floa
     return next((effect for effect in others if effect in effects), NumberEffect.NONE)
 
 
-def _at_each_element(parts: Sequence[AnyLawProblem], index: int, resolution: float) -> NumberEffect:
+def _at_each_element(parts: Sequence[LawProblem], index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number that acts: it counts if it does at all elements with it."""
     size = NUDGE * parts[0].hypotheses[index].size
     waiting: list[int] | None = None
@@ -458,7 +458,7 @@ def _at_each_element(parts: Sequence[AnyLawProblem], index: int, resolution: flo
     return NumberEffect.PARTLY
 
 
-def _effect(problem: RobotProblem | AnyLawProblem, index: int, resolution: float) -> NumberEffect:
+def _effect(problem: RobotProblem | LawProblem, index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():

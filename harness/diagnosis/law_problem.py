@@ -10,33 +10,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
 from physics_crosscheck.harness.checks.law_comparison import (
     Evaluated,
-    ImpulseComparison,
     LawComparison,
     LawDefect,
-    S,
-    WholeStepComparison,
+    LawEngine,
+    TreeLaw,
     applied,
 )
-from physics_crosscheck.harness.checks.law_engine import LawEngine
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impulse_numbers
-from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
+from physics_crosscheck.harness.modelfiles.urdf.read import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
-from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep
 from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes
 from physics_crosscheck.reference.laws.near_rigid import NearRigidModel
 from physics_crosscheck.reference.laws.sensitivity import changed_step, same_rule, single_changes
@@ -53,11 +50,8 @@ from .trial import REFUSED
 NUMBERS_FITTED = 16
 """Single numbers to fit."""
 
-M = TypeVar("M", LawModel, ImpulseModel)
-K = TypeVar("K", bound=LawModel | ImpulseModel, covariant=True)
 
-
-class LawNumbers(Protocol[K]):
+class LawNumbers(Protocol):
     """The numbers of a file, and its laws for other values."""
 
     @property
@@ -72,7 +66,7 @@ class LawNumbers(Protocol[K]):
     def law_choices(self) -> Mapping[int, tuple[int, ...]]:
         """Indices of the numbers that select a law, with the other values."""
 
-    def laws(self, values: Mapping[int, float]) -> K | None:
+    def laws(self, values: Mapping[int, float]) -> TreeLaw | None:
         """Return the laws with other values of some numbers, by index, or None."""
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
@@ -80,7 +74,7 @@ class LawNumbers(Protocol[K]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LawProblem(Generic[M, S]):
+class LawProblem:
     """Discrepancy of whole steps, with the laws of the file.
 
     Attributes:
@@ -92,11 +86,11 @@ class LawProblem(Generic[M, S]):
         with_mistakes: whether hypotheses are not only numbers.
     """
 
-    numbers: LawNumbers[M]
+    numbers: LawNumbers
     engine: str
     spec: ModelSpec
-    comparison: WholeStepComparison[M, S]
-    evaluated: Sequence[Evaluated[S]]
+    comparison: LawComparison
+    evaluated: Sequence[Evaluated]
     compared: LawDefect
     with_mistakes: bool = True
     _rows: dict[int, Array | None] = field(default_factory=dict, repr=False)
@@ -105,7 +99,7 @@ class LawProblem(Generic[M, S]):
         """Judge the discrepancy."""
         return self.comparison.judge(self.compared, resolution)
 
-    def in_engine(self, spec: ModelSpec) -> LawProblem[M, S]:
+    def in_engine(self, spec: ModelSpec) -> LawProblem:
         """Return the problem at the same states of a file that the engine loads.
 
         Raises:
@@ -116,7 +110,7 @@ class LawProblem(Generic[M, S]):
             raise EngineError(f"{spec.path}: the engine has no law")
         return self.of_model(model)
 
-    def mistaken(self, name: str) -> LawProblem[M, S]:
+    def mistaken(self, name: str) -> LawProblem:
         """Return the problem of an engine with a known answer that makes a typical mistake.
 
         Without a name, it makes none.
@@ -126,7 +120,7 @@ class LawProblem(Generic[M, S]):
             laws = mistake.change(laws) if mistake.name == name else laws
         return self.of_model(LawEngine(self.comparison.under(laws)))
 
-    def of_model(self, model: WholeModel) -> LawProblem[M, S]:
+    def of_model(self, model: WholeModel) -> LawProblem:
         """Return the problem at the same states of another loaded model.
 
         The effects of numbers are shared, since these depend on the laws alone.
@@ -146,7 +140,7 @@ class LawProblem(Generic[M, S]):
             _rows=self._rows if same else {},
         )
 
-    def parts(self, size: int) -> list[LawProblem[M, S]]:
+    def parts(self, size: int) -> list[LawProblem]:
         """Return the problems of a few states each."""
         places = [slice(first, first + size) for first in range(0, len(self.evaluated), size)]
         return [
@@ -173,7 +167,7 @@ class LawProblem(Generic[M, S]):
         return tuple(rows)
 
     @cached_property
-    def mistakes(self) -> tuple[LawMistake[M], ...]:
+    def mistakes(self) -> tuple[LawMistake[Any], ...]:
         """Typical mistakes that the laws have a place for."""
         laws = self.comparison.laws
         if isinstance(laws, LawModel):
@@ -272,7 +266,7 @@ class LawProblem(Generic[M, S]):
             return {}
         return {k: self._linear(model.under(rows[k])).ravel() / step for k in chosen}
 
-    def _changed(self, faults: Faults) -> M | None:
+    def _changed(self, faults: Faults) -> TreeLaw | None:
         """Return the laws with faults; None if they have other coordinates, states or shapes."""
         chosen = [(self.hypotheses[index], fault) for index, fault in faults.items() if fault]
         values: dict[int, float] = {}
@@ -281,37 +275,37 @@ class LawProblem(Generic[M, S]):
                 value = values.get(i, self.numbers.numerals[i].value) + fault * unit
                 values[i] = round(value) if hypothesis.switch else value
         laws = self.numbers.laws(values) if values else self.comparison.laws
-        if isinstance(laws, LawModel):
-            laws = applied(laws, self.comparison.model)
+        laws = None if laws is None else applied(laws, self.comparison.model)
         for hypothesis, _ in chosen:
             if laws is not None and hypothesis.id.kind == "law":
                 (name,) = hypothesis.id.subject
                 laws = next(one for one in self.mistakes if one.name == name).change(laws)
         return laws if laws is not None and self._fits(laws) else None
 
-    def _fits(self, laws: M) -> bool:
+    def _fits(self, laws: TreeLaw) -> bool:
         mine, other = self.comparison.laws, laws
         same = len(mine.laws.surfaces) == len(other.laws.surfaces)
         return same and mine.tree.tree.nv == other.tree.tree.nv
 
-    def _linear(self, laws: M) -> Array:
+    def _linear(self, laws: TreeLaw) -> Array:
         """Return the change of all components by other laws, to first order if that is quicker."""
         comparison = self.comparison
-        if not isinstance(laws, LawModel) or not isinstance(comparison, LawComparison):
-            return self._solved(laws)
         model = comparison.laws
+        if not isinstance(laws, LawModel) or not isinstance(model, LawModel):
+            return self._solved(laws)
         # At unchanged accelerations, a small change removes the whole force of a near-rigid row.
         near_rigid = isinstance(laws, NearRigidModel)
         if near_rigid or laws.tree is not model.tree or not same_rule(model.laws, laws.laws):
             return self._solved(laws)
         rows = list[Array]()
         for sample, expected in zip(self.evaluated, self._expected, strict=True):
+            assert isinstance(sample.solution, LawSolution)
             acceleration, law = changed_step(model, laws, sample.solution)
             same = law is sample.solution.law
             rows.append(expected if same else comparison.predict(law, acceleration, sample.engine))
         return self._change(rows)
 
-    def _solved(self, laws: M) -> Array:
+    def _solved(self, laws: TreeLaw) -> Array:
         return self._change(self.comparison.expected_by(laws, self.evaluated))
 
     def _change(self, rows: Sequence[Array] | Array) -> Array:
@@ -324,15 +318,11 @@ class LawProblem(Generic[M, S]):
         return np.array([self.comparison.expected(sample) for sample in self.evaluated])
 
 
-AnyLawProblem = LawProblem[LawModel, LawSolution] | LawProblem[ImpulseModel, ImpulseStep]
-"""The problem of a convex law, or of impulses."""
-
-
 MINOR = 0.5
 """Largest change of a number, as a share of its size, that needs no mistake as an explanation."""
 
 
-def diagnose_laws(problem: AnyLawProblem) -> Ranking:
+def diagnose_laws(problem: LawProblem) -> Ranking:
     """Rank numbers of the laws, and mistakes in them, by the discrepancy that they leave.
 
     Mistakes take longer, and are tried unless a small fault of a number explains the discrepancy.
@@ -358,7 +348,7 @@ def _single(ranking: Ranking) -> bool:
     return ranking.explained and len(ranking.fits[0].causes) == 1
 
 
-def _restarted(problem: AnyLawProblem, uncertainty: Array) -> list[Fit]:
+def _restarted(problem: LawProblem, uncertainty: Array) -> list[Fit]:
     """Return the fits of numbers, from values that explain single states, that leave little."""
     defect = problem.compared.defect.ravel()
     size = float(np.linalg.norm(defect))
@@ -385,7 +375,7 @@ STARTS, MULTIPLES = 6, (1.0, 2.0, 4.0)
 """States whose faults are tried, and multiples of these: a row that stops acting hides the rest."""
 
 
-def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
+def _faults(problem: LawProblem, slope: Array) -> tuple[float, ...]:
     """Return the faults that explain the states where a number acts most, one by one.
 
     `slope` is that of all components, (N,).
@@ -398,7 +388,7 @@ def _faults(problem: AnyLawProblem, slope: Array) -> tuple[float, ...]:
     return tuple(multiple * fault for fault in single for multiple in MULTIPLES)
 
 
-def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> AnyLawProblem | None:
+def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> LawProblem | None:
     """Compare whole steps of a file with its law; None without one, or if nothing is comparable.
 
     Args:
@@ -416,38 +406,27 @@ def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> AnyLawProbl
         model = steps.model(task.engine, task.spec)
         if model is None:
             return None
-        if isinstance(numbers, UrdfNumbers):
-            return _ruled_problem(task, numbers, model, steps)
-        laws = numbers.laws({})
-        if laws is None:
+        of_laws: LawNumbers | None = None
+        if isinstance(numbers, CompiledNumbers):
+            of_laws = numbers
+        elif isinstance(model.rules, ImpulseRules):
+            of_laws = impulse_numbers(numbers, model.rules)
+        elif model.rules is not None:
+            of_laws = convex_numbers(numbers, model.rules)
+        laws = None if of_laws is None else of_laws.laws({})
+        if of_laws is None or laws is None:
             return None
-        return _problem(task, numbers, LawComparison(laws, model), steps)
+        return _problem(task, of_laws, LawComparison(laws, model), steps)
     except (TreeError, EngineError):
         return None
 
 
-def _ruled_problem(
-    task: TreeTask, numbers: UrdfNumbers, model: WholeModel, steps: KeptSteps
-) -> AnyLawProblem | None:
-    if model.rules is None:
-        return None
-    if not isinstance(model.rules, ImpulseRules):
-        soft = convex_numbers(numbers, model.rules)
-        laws = soft.laws({})
-        return None if laws is None else _problem(task, soft, LawComparison(laws, model), steps)
-    hard = impulse_numbers(numbers, model.rules)
-    impulses = hard.laws({})
-    if impulses is None:
-        return None
-    return _problem(task, hard, ImpulseComparison(impulses, model), steps)
-
-
 def _problem(
     task: TreeTask,
-    numbers: LawNumbers[M],
-    comparison: WholeStepComparison[M, S],
+    numbers: LawNumbers,
+    comparison: LawComparison,
     steps: KeptSteps,
-) -> LawProblem[M, S] | None:
+) -> LawProblem | None:
     """Compare a file with its law, at drawn or evaluated states; None if none is comparable."""
     evaluated = steps.evaluated(comparison)
     if not evaluated:

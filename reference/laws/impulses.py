@@ -121,12 +121,14 @@ class ImpulseStep:
         posture: the state.
         free: velocities after a step without impulses, (nv,).
         rows: limits, motors and contacts.
+        contacts: at the state.
     """
 
     model: ImpulseModel
     posture: Posture
     free: Array
     rows: ImpulseRows
+    contacts: tuple[ContactPoint, ...]
 
     @property
     def step(self) -> float:
@@ -229,21 +231,38 @@ class ImpulseStep:
         return result + np.abs(unbalanced)
 
     @property
-    def motors(self) -> Iterator[tuple[int, float, float]]:
-        """Index of the velocity that each motor drives, its mean force and its largest one."""
+    def efforts(self) -> Iterator[tuple[int, float, float]]:
+        """Joints with the mean force of their motor and its largest one."""
+        places = [there.start for there in self.model.tree.tree.velocities]
         for i, name in enumerate(self.rows.names):
             if name == "motors":
                 place = int(np.flatnonzero(self.rows.jacobian[i])[0])
                 impulse, largest = self._solution[0][i], self.rows.bounds[i][1]
-                yield place, float(impulse) / self.step, largest / self.step
+                yield places.index(place), float(impulse) / self.step, largest / self.step
 
-    def acting(self) -> Iterator[tuple[str, int]]:
-        """Yield the kind of each limit and motor at a limit that acts, and its velocity's index."""
+    @property
+    def acting_elements(self) -> Iterator[tuple[str, str | int]]:
+        """Limits and motors at a limit that act, and the links that touch something."""
         for i, name in enumerate(self.rows.names):
             size, highest = abs(float(self._solution[0][i])), self.rows.bounds[i][1]
             kind = {"limits": "limit", "motors": "clamp"}.get(name, "")
             if kind and size and (kind == "limit" or size >= highest):
-                yield kind, int(np.flatnonzero(self.rows.jacobian[i])[0])
+                yield kind, self.model.tree.names[int(np.flatnonzero(self.rows.jacobian[i])[0])]
+        for contact in self.contacts:
+            assert isinstance(contact, ImpulseContact)
+            if contact.impulse[0]:
+                yield from (("contact", i) for i in contact.surfaces)
+
+    def next_state(self, a: Array, after: Array, _h: float) -> tuple[Array, Array]:
+        """Return velocities and positions after a step; arguments as in `LawStep.next_state`."""
+        velocity: Array = self.posture.m + self.step * a
+        return velocity, self.model.advanced(self.posture, after)
+
+    def velocity_uncertainty(self, _a: Array, unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.step * unsure
+
+    drive_states = np.zeros(0)
 
     def acted(self, a: Array) -> Iterator[tuple[str, int]]:
         """Yield how often forces of each kind acted."""
@@ -390,11 +409,40 @@ class ImpulseModel:
         """Return the same tree under other laws."""
         return replace(self, laws=laws)
 
+    has_next_state = True
+
+    @property
+    def drive_count(self) -> int:
+        """Number of motors."""
+        return len(self.laws.rules.controls)
+
+    def drive_ranges(self, controls: int, _states: int) -> tuple[Array, Array]:
+        """Return ranges of the driven joints, infinite without one, and no states."""
+        ranges = np.tile([-np.inf, np.inf], (controls, 1))
+        for joint in self.laws.joints:
+            if joint.lower <= joint.upper:
+                ranges[joint.control] = joint.lower, joint.upper
+        return ranges, np.zeros((0, 2))
+
+    @property
+    def limits(self) -> Iterator[tuple[int, float, float]]:
+        """Joints with their lower and upper limits."""
+        for joint in self.laws.joints:
+            if joint.lower <= joint.upper:
+                yield joint.joint, joint.lower, joint.upper
+
+    def elements(self) -> Iterator[tuple[str, str | int]]:
+        """Yield nothing: a part of a file names its own elements."""
+        return iter(())
+
     def solve(
         self,
         posture: Posture,
         controls: Array,
+        _states: Array,
         contacts: Sequence[ContactPoint],
+        _start: Array,
+        _residual: Array | None = None,
     ) -> ImpulseStep:
         """Return the rows at a state, which solve themselves.
 
@@ -411,20 +459,10 @@ class ImpulseModel:
         for contact in contacts:
             assert isinstance(contact, ImpulseContact)
             _ContactImpulses(self, rows, posture, contact, free).add()
-        return ImpulseStep(model=self, posture=posture, free=free, rows=rows)
+        touching = tuple(contacts)
+        return ImpulseStep(model=self, posture=posture, free=free, rows=rows, contacts=touching)
 
-    def next_state(self, law: ImpulseStep, a: Array, after: Array) -> tuple[Array, Array]:
-        """Return velocities and positions after a step, (nv,) each.
-
-        Args:
-            law: the rows.
-            a: mean accelerations, (nv,).
-            after: velocities by which the positions advance, (nv,).
-        """
-        velocity: Array = law.posture.m + self.laws.rules.step * a
-        return velocity, self._advanced(law.posture, after)
-
-    def _advanced(self, posture: Posture, m: Array) -> Array:
+    def advanced(self, posture: Posture, m: Array) -> Array:
         """Return the positions after a step at velocities m, (nv,)."""
         h = self.laws.rules.step
         y: Array = self.tree.advance(posture.y[None], m[None], h)[0]
@@ -436,8 +474,8 @@ class ImpulseModel:
         y[there][3:] += h * np.cross(spin, arm) + arm - turned @ np.array(self.laws.root)
         return y
 
-    def unsaturated(self, posture: Posture, shares: Array) -> Array:
-        """Return target positions at which motors exert shares of their efforts."""
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return target positions at which motors exert shares of their efforts, and no states."""
         h, gain = self.laws.rules.step, self.laws.rules.gain
         joints, force = self.laws.joints, posture.smooth.copy()
         places = [self.tree.tree.velocities[joint.joint].start for joint in joints]
@@ -446,7 +484,7 @@ class ImpulseModel:
         after = posture.m + h * np.linalg.solve(posture.mass, force)
         controls = np.zeros(len(shares))
         controls[[joint.control for joint in joints]] = posture.y[places] + after[places] * h / gain
-        return controls
+        return controls, np.zeros(0)
 
     def _root_motion(self, posture: Posture) -> tuple[slice, Array]:
         """Return the root's velocities, and its center of mass from its origin, in the world."""

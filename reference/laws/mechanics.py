@@ -16,7 +16,7 @@ from physics_crosscheck.reference.dynamics.fluid import drag_box
 from physics_crosscheck.reference.dynamics.force_elements import ForceElements
 from physics_crosscheck.reference.dynamics.propagation import LinkMotion, Placement
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import cross, rotation_vector
 from physics_crosscheck.reference.mechanism.spatial_inertia import Place
@@ -41,6 +41,12 @@ class LawTree:
     bodies: tuple[tuple[int, Place], ...]
     masses: Array
     centers: Array
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, (nv,)."""
+        links = self.tree.links
+        return tuple(name for link in links for name, _ in coordinate_names(link.kind, link.name))
 
     @cached_property
     def _stepped(self) -> SteppedBodies:

@@ -141,6 +141,7 @@ class NearRigidModel(LawModel):
         """Evaluate the laws at a state; arguments as in `LawModel.evaluate`."""
         rows, nv = self.rows(posture, contacts), len(posture.m)
         return NearRigidStep(
+            model=self,
             step=self.rules.step,
             posture=posture,
             problem=rows.problem(self._mass(posture), self._free(posture)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -14,7 +14,7 @@ from physics_crosscheck.reference.mechanism.laws import ContactPoint, SoftEquali
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .constraints import Constraints
-from .drives import Driven, clamps, drive
+from .drives import Driven, clamps, drive, unsaturated
 from .mechanics import LawTree, Posture
 from .soft import WITHIN, Kind, Part, Problem, varies
 
@@ -27,12 +27,14 @@ class LawStep:
     """Forces and constraints that the laws give at one state.
 
     Attributes:
+        model: the laws.
         posture: the state.
         problem: the convex problem of the constraints.
         driven: the drives.
         parts: of the laws, which the rows belong to.
     """
 
+    model: LawModel
     posture: Posture
     problem: Problem
     driven: Driven
@@ -62,6 +64,40 @@ class LawStep:
             yield f"{word}s", sum(part.kind == word for part in acting)
         yield "drives at a limit", len(self.driven.clipped)
         yield "drives", int(np.count_nonzero(self.driven.forces))
+
+    def next_state(self, a: Array, after: Array, h: float) -> tuple[Array, Array]:
+        """Return velocities and positions after a step, (nv,) each; laws without a rule have none.
+
+        Args:
+            a: accelerations, (nv,).
+            after: velocities by which the positions advance, (nv,).
+            h: the time by which they advance, s.
+        """
+        velocity, tree = self.model.advance(self, a), self.model.tree
+        assert velocity is not None
+        return velocity, tree.advance(self.posture.y[None], after[None], h)[0]
+
+    def velocity_uncertainty(self, a: Array, unsure: Array) -> Array:
+        """Return the uncertainty of the next velocities, (nv,), from that of accelerations."""
+        return self.model.velocity_uncertainty(self, a, unsure)
+
+    @property
+    def drive_states(self) -> Array:
+        """States of the drives after the step."""
+        return self.driven.states
+
+    @property
+    def efforts(self) -> Iterator[tuple[int, float, float]]:
+        """Joints with the force of a drive and its limit in that direction."""
+        for i, actuator in enumerate(self.model.laws.drives):
+            joints = self.model.tree.paths[actuator.path].joints
+            if len(joints) == 1 and actuator.on:
+                (joint, gear), force = joints[0], float(self.driven.forces[i])
+                low, high = actuator.force_range or (-np.inf, np.inf)
+                largest = abs(high if force > 0 else low)
+                if i in self.driven.clipped:  # by a limit of its tendon
+                    largest = abs(force)
+                yield joint, gear * force, abs(gear) * largest
 
 
 DIGITS = 16
@@ -108,6 +144,17 @@ class LawSolution:
         """The tree at the state."""
         return self.law.posture
 
+    @property
+    def acting_elements(self) -> Iterator[tuple[str, str | int]]:
+        """The elements that act, as in `LawModel.elements`; both shapes of a contact do."""
+        model = self.law.model
+        for part in model.acting(self):
+            if part.kind == "contact":
+                yield from (("contact", i) for i in self.contacts[part.place].surfaces)
+            else:
+                yield model.element(part)
+        yield from (("drive", int(i)) for i in np.flatnonzero(self.law.driven.forces))
+
     @cached_property
     def _compliance(self) -> Array:
         """Change of the accelerations per unit force, (nv, nv)."""
@@ -149,6 +196,7 @@ class LawModel(Constraints):
         free = np.asarray(np.linalg.solve(posture.mass, force), dtype=np.float64)
         rows = self.rows(posture, contacts)
         return LawStep(
+            model=self,
             posture=posture,
             problem=rows.problem(posture.mass, free),
             driven=driven,
@@ -206,6 +254,72 @@ class LawModel(Constraints):
             yield from (Part("joint force", joint, way) for way in (-1, 1))
         for i in range(len(laws.sums)):
             yield from (Part("tendon force", i, way) for way in (-1, 1))
+
+    def missing_parts(self, solutions: Iterable[LawSolution]) -> set[Part]:
+        """Return the parts of the laws that act at none of these states, of those that may."""
+        return set(self.parts()) - {part for one in solutions for part in self.acting(one)}
+
+    def elements(self) -> Iterator[tuple[str, str | int]]:
+        """Yield the kind and the name of all that may act: limits, drives, clamps, equalities.
+
+        Drives, their clamps, and the surfaces of moving bodies have an index for a name.
+        """
+        laws = self.laws
+        yield from map(self.element, self.parts())
+        yield from (("equality", str(i + 1)) for i in range(len(laws.equalities)))
+        yield from (("drive", i) for i, actuator in enumerate(laws.drives) if actuator.on)
+        paired = {i for first, other, _ in laws.pairs for i in (first, other)}
+        for i, surface in enumerate(laws.surfaces):
+            if surface.body and (any(surface.masks) or i in paired):
+                yield "contact", i
+        yield from (("contact", i) for i in range(1, len(laws.compliant)))
+
+    def element(self, part: Part) -> tuple[str, str | int]:
+        """Return the element that a part belongs to, as in `elements`."""
+        laws, links = self.laws, self.tree.tree.links
+        match part.kind:
+            case "limit" | "dry friction":
+                row = (laws.limits if part.kind == "limit" else laws.frictions)[part.place]
+                name = links[row.joint].name if row.joint >= 0 else f"tendon {row.path + 1}"
+                return part.kind, name
+            case "control" | "state" | "force":
+                return "clamp", part.place
+            case "joint force":
+                return "clamp", links[part.place].name
+            case "tendon force":
+                return "clamp", f"tendon force {part.place + 1}"
+        return part.kind, str(part.place + 1)
+
+    @property
+    def limits(self) -> Iterator[tuple[int, float, float]]:
+        """Joints with their lower and upper limits, infinite without one."""
+        for limit in self.laws.limits:
+            if limit.joint >= 0:
+                yield limit.joint, limit.lower, limit.upper
+
+    @property
+    def has_next_state(self) -> bool:
+        """True if the next state has a rule."""
+        return self.laws.integrator in STEPPED
+
+    @property
+    def drive_count(self) -> int:
+        """Number of drives."""
+        return len(self.laws.drives)
+
+    def drive_ranges(self, controls: int, states: int) -> tuple[Array, Array]:
+        """Return ranges of so many controls and states of drives, infinite without one, (., 2)."""
+        of_controls, of_states = (np.tile([-np.inf, np.inf], (n, 1)) for n in (controls, states))
+        for actuator in self.laws.drives:
+            if actuator.control_range is not None:
+                of_controls[actuator.control] = actuator.control_range
+            if actuator.state >= 0 and actuator.state_range is not None:
+                of_states[actuator.state] = actuator.state_range
+        return of_controls, of_states
+
+    def unsaturated(self, posture: Posture, shares: Array) -> tuple[Array, Array]:
+        """Return controls and states at which drives exert shares of their limits."""
+        return unsaturated(self.laws, posture, self.weights.path_accelerations, shares)
 
     def acting(self, solution: LawSolution) -> Iterator[Part]:
         """Yield the parts that act at a state."""

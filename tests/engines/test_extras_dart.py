@@ -8,7 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.audit import audit_terms
 from physics_crosscheck.harness.checks.case import judge
-from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.checks.law_comparison import LawEngine
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws

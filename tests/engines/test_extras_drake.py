@@ -11,7 +11,7 @@ import pytest
 from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.acting import urdf_quantities
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
-from physics_crosscheck.harness.checks.law_engine import LawEngine
+from physics_crosscheck.harness.checks.law_comparison import LawEngine
 from physics_crosscheck.harness.diagnosis.law_problem import diagnose_laws
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS

@@ -9,7 +9,7 @@ import pytest
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import (
-    AnyLawProblem,
+    LawProblem,
     diagnose_laws,
     law_problem,
 )
@@ -69,7 +69,7 @@ HARD = {
 
 
 @cache
-def problem_of(text: str) -> AnyLawProblem:
+def problem_of(text: str) -> LawProblem:
     """Compare a text with its laws; once, since the effects of numbers are the same for all."""
     is_urdf = text.startswith("<robot")
     file = Path(mkdtemp()) / ("robot.urdf" if is_urdf else "scene.xml")

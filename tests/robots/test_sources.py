@@ -19,9 +19,8 @@ from physics_crosscheck.harness.documents.expanded import (
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.run import Options
 from tests.compare.asking import compared, result
 from tests.models import written
@@ -231,6 +230,10 @@ def test_urdf_without_inertia_is_compared_by_poses(
     assert "3 links in 2 bodies, without masses" in shown
     assert "digits  poses only" in shown
     assert re.search(r"with \d+ limits", shown)
+    zeros = '<inertial><mass value="0.0"/><inertia ixx="0" iyy="-0" izz="0"/></inertial>'
+    file.write_text(re.sub(r"(<link name=.[ab].)/>", rf"\1>{zeros}</link>", PLANNED))
+    assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
+    assert "digits  poses only" in capsys.readouterr().out
     file.write_text(PLANNED.replace('lower="0"', 'lower="zero"'))
     main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")])
     assert "planned.urdf:6" in (shown := capsys.readouterr().out)

@@ -9,17 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as replace_fields
 
-from physics_crosscheck.harness.checks.law_comparison import (
-    ImpulseComparison,
-    LawComparison,
-    S,
-    WholeStepComparison,
-)
+from physics_crosscheck.harness.checks.law_comparison import LawComparison, TreeLaw
 from physics_crosscheck.harness.checks.law_states import SEED, evaluated_states
 from physics_crosscheck.harness.engines.protocol import (
     EngineError,
@@ -35,14 +30,14 @@ from physics_crosscheck.harness.modelfiles.law_attributes import (
     Row,
     with_attribute,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.soft import Part
-from physics_crosscheck.reference.laws.step import LawModel
+from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
     HardJoint,
     ImpulseLaws,
@@ -112,7 +107,7 @@ class _LawSide:
     """A model with its laws, as an engine loads it with all its forces."""
 
     facts: Facts
-    model: LawModel | ImpulseModel
+    model: TreeLaw
     whole: WholeModel
 
 
@@ -131,7 +126,7 @@ def _load_laws(facts: Facts) -> _LawSide | None:
     whole = engines()[candidate.engine].load_whole(spec)
     if whole is None:
         return None
-    model: LawModel | ImpulseModel | None
+    model: TreeLaw | None
     if whole.rules is None:
         model = None if facts.compiled is None else law_model(facts.compiled)
         if model is not None and model.laws.uncovered:
@@ -339,21 +334,14 @@ def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[Com
         groups.setdefault(key, []).append(difference)
     every = list(groups.values())
     limits = [row for one in differences if one.attribute == "range" for row in (one.a, one.b)]
-    effects = (
-        _effects(LawComparison(a.model, a.whole), every, limits)
-        if isinstance(a.model, LawModel)
-        else _effects(ImpulseComparison(a.model, a.whole), every, limits)
-    )
+    effects = _effects(LawComparison(a.model, a.whole), every, limits)
     rows = [_property(one, effect) for group, effect in zip(every, effects, strict=True)
             for one in group]  # fmt: skip
     yield from sorted(rows, key=lambda row: -(row.effect or 0.0))
 
 
-M = TypeVar("M", LawModel, ImpulseModel)
-
-
 def _effects(
-    comparison: WholeStepComparison[M, S],
+    comparison: LawComparison,
     groups: Sequence[Sequence[_LawDifference]],
     limits: Sequence[LawRow | None],
 ) -> Iterator[float | None]:
@@ -370,10 +358,11 @@ def _effects(
     expected = np.array([comparison.expected(one) for one in evaluated])
     touched = [set(one.surfaces) for each in evaluated for one in each.engine.contacts]
     parts = set[Part]()
-    if isinstance(comparison, LawComparison):
-        parts = {p for one in evaluated for p in comparison.laws.acting(one.solution)}
+    if isinstance(model, LawModel):
+        solutions = [one.solution for one in evaluated if isinstance(one.solution, LawSolution)]
+        parts = {part for one in solutions for part in model.acting(one)}
     for group in groups:
-        laws = _applied(group, model.laws)
+        laws: Any = _applied(group, model.laws)
         if laws is None:
             yield None
             continue
@@ -422,7 +411,7 @@ def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
 
 
 def _at_limits(
-    comparison: WholeStepComparison[M, S], state: WholeState, rows: Sequence[LawRow | None]
+    comparison: LawComparison, state: WholeState, rows: Sequence[LawRow | None]
 ) -> Iterator[WholeState]:
     """Yield states beyond both ends of limits of joints, at rest and moving outward."""
     rng = np.random.default_rng(SEED)

@@ -36,16 +36,18 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 )
 from physics_crosscheck.harness.baseline.stale import match
 from physics_crosscheck.harness.baseline.store import accepted_text, named_targets, read_baseline
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import in_source, source_of
-from physics_crosscheck.harness.documents.number import Number
-from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.formats import is_robot
+from physics_crosscheck.harness.modelfiles.code_reads import ABSENT, digest
+from physics_crosscheck.harness.modelfiles.folders import builtin, is_robot
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.path_states import ABSENT, digest
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file, source_files
-from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import (
+    robots_below,
+    source_file,
+    source_files,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.result_builder import Progress

@@ -6,9 +6,9 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.diagnosis.law_problem import AnyLawProblem
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem
 from physics_crosscheck.harness.diagnosis.robot_problem import AXIS, joint_of
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.numbers import ModelFile
@@ -48,7 +48,7 @@ def _left_on(task: TreeTask, *, whole: bool) -> Iterator[Mistake]:
             )
 
 
-def law_mistakes(task: TreeTask, problem: AnyLawProblem) -> Iterator[Mistake]:
+def law_mistakes(task: TreeTask, problem: LawProblem) -> Iterator[Mistake]:
     """Yield every other choice of a number, and every mistake in the laws, that has a place."""
     yield from _left_on(task, whole=True)
     for index, others in problem.numbers.law_choices.items():

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import (
-    AnyLawProblem,
+    LawProblem,
     diagnose_laws,
     law_problem,
 )
@@ -27,7 +27,7 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     problem_of,
     ranked,
 )
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -98,14 +98,14 @@ def tree_faults(task: TreeTask) -> tuple[TreeFault, ...]:
     return (*literals, *mistakes)
 
 
-def _first_in_steps(laws: AnyLawProblem, resolution: float) -> Iterator[tuple[int, float]]:
+def _first_in_steps(laws: LawProblem, resolution: float) -> Iterator[tuple[int, float]]:
     """Yield the numbers of laws, each with its smallest change that whole steps detect."""
     for k, index in enumerate(laws.numbers.law_numbers):
         size = _size(laws.numbers.numerals[index])
         yield index, _first(laws.effect(k), size, resolution)
 
 
-def sound_laws(task: TreeTask) -> AnyLawProblem | None:
+def sound_laws(task: TreeTask) -> LawProblem | None:
     """Return the sound file with its laws, where whole steps agree with them; None otherwise.
 
     A process keeps the last one.
@@ -123,7 +123,7 @@ class _LawKey:
 
 
 @lru_cache(maxsize=1)
-def _sound_laws(key: _LawKey) -> AnyLawProblem | None:
+def _sound_laws(key: _LawKey) -> LawProblem | None:
     task = key.task
     if task.sidecar is not None or task.target.smooth:
         return None
@@ -226,7 +226,7 @@ def _by_law(fault: TreeFault) -> Mutation:
     return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, None)
 
 
-def _unconverged(fault: TreeFault, laws: AnyLawProblem) -> Mutation:
+def _unconverged(fault: TreeFault, laws: LawProblem) -> Mutation:
     """Build the row of settings whose error the engine reports, as a force that is not balanced."""
     task = fault.model.with_settings(**fault.mistake.edit.settings)
     bounds = np.max(laws.in_engine(task.spec).compared.uncertainty, axis=1)

@@ -38,10 +38,9 @@ from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop, asking
 from physics_crosscheck.harness.modelfiles.choice import CaseSelection
+from physics_crosscheck.harness.modelfiles.code_reads import UNKNOWN, digest_of
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.modelfiles.input_files import input_files
-from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of
+from physics_crosscheck.harness.modelfiles.parts import input_files, part_digests
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary

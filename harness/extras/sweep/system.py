@@ -28,7 +28,7 @@ from physics_crosscheck.harness.checks.verdict import (
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.parametric_file import (
+from physics_crosscheck.harness.modelfiles.bindings import (
     ParametricModelFile,
     parametric_model_file,
 )

@@ -12,8 +12,7 @@ from physics_crosscheck.harness.checks.derivation import derivation, tree_deriva
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_bodies
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, with_location

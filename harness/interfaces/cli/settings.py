@@ -66,7 +66,7 @@ class _SettingsFile:
         """Build the error about a setting, with its line if known."""
         # Imported here: help needs no parser of files.
         from physics_crosscheck.harness.documents.errors import LocationError
-        from physics_crosscheck.harness.documents.location import SourceFile
+        from physics_crosscheck.harness.documents.reading import SourceFile
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
         source = SourceFile(self.path, self.text.encode())

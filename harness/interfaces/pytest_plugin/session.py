@@ -18,8 +18,12 @@ from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, system_folders
-from physics_crosscheck.harness.modelfiles.formats import is_robot
+from physics_crosscheck.harness.modelfiles.folders import (
+    FolderError,
+    is_robot,
+    is_system,
+    system_folders,
+)
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import (
     NamedRobots,

@@ -9,8 +9,8 @@ from pathlib import Path
 from physics_crosscheck.harness.checks.prepare import PreparedSystem
 from physics_crosscheck.harness.checks.task import ModelTask, P
 from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
