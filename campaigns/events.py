@@ -200,8 +200,7 @@ def planted(sidecar: Sidecar) -> Iterator[str]:
     task = model_task(prepare_system(folder, described=False), engine, sidecar)
     for address, label, edit in planted_edits(task.target.system, sidecar):
         with tempfile.TemporaryDirectory() as into:
-            wrong = edit.apply(sidecar, engine, Path(into))
-            diagnosis = diagnose_model(task.with_sidecar(wrong))
+            diagnosis = diagnose_model(edit.plant(task, Path(into)))
         fits = diagnosis.explanations
         cause = fits[0].causes[0] if fits and diagnosis.explained else None
         ties = {tied.subject for tied in fits[0].tied_with} if fits else set()

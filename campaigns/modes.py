@@ -27,7 +27,7 @@ from campaigns.mechanisms.written import sidecar
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import ModelTask, TreeTask, model_task
-from physics_crosscheck.harness.commands.mutation.survey import survey
+from physics_crosscheck.harness.commands.mutation.survey import system_faults
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
@@ -172,7 +172,7 @@ def model(folder: Path, given: Sidecar, engine: str, sample: int) -> list[ModeCo
     At most `sample` pairs of a fault and a scenario are taken, evenly spread.
     """
     prepared, results = _prepared(folder), []
-    faults = survey(model_task(prepared, engine, given)).faults
+    faults = [one.mistake for one in system_faults(model_task(prepared, engine, given))]
     every = [(name, fault) for fault in faults for name in prepared.motions]
     places = np.linspace(0, len(every) - 1, min(sample, len(every))).astype(int)
     for scenario in prepared.motions:
@@ -181,7 +181,7 @@ def model(folder: Path, given: Sidecar, engine: str, sample: int) -> list[ModeCo
         for name, fault in (every[place] for place in places):
             if name == scenario:
                 with scratch() as copies:
-                    wrong = task.with_sidecar(fault.edit.apply(given, engine, copies))
+                    wrong = fault.edit.plant(task, copies)
                     title = f"{task.id} {fault.name} {fault.location}"
                     results.append(compare_modes(title, float("nan"), wrong))
     return results

@@ -16,7 +16,7 @@ import numpy as np
 from campaigns.random_draws import pairings
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.commands.mutation.survey import survey
+from physics_crosscheck.harness.commands.mutation.survey import system_faults
 from physics_crosscheck.harness.diagnosis.task import ranked
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.protocol import EngineError
@@ -52,11 +52,10 @@ def prepared(folder: Path) -> PreparedSystem:
 def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> PairTrial | None:
     """Diagnose two wrong literals; return None without two, or if the engine refuses the model."""
     physics = prepared(folder)
-    effects = survey(model_task(physics, engine, sidecar))
+    planted = system_faults(model_task(physics, engine, sidecar))
+    seen = {one.mistake.location: one.first_seen for one in planted if one.values is not None}
     visible = [
-        b
-        for b, first in zip(bindings(physics.system, sidecar), effects.first_caught, strict=True)
-        if first < VISIBLE
+        b for b in bindings(physics.system, sidecar) if (seen.get(b.address) or np.inf) < VISIBLE
     ]
     if len(visible) < 2:
         return None

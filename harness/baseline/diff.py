@@ -40,9 +40,6 @@ from .fingerprint import changed_names
 ERROR_SHARE = 0.01
 """Smallest relative change of an error at the time step to report."""
 
-DIGITS = 0.5
-"""Smallest change of the agreeing digits to report; rounding alone changes a few tenths."""
-
 ORDER = 0.5
 """Smallest change of a convergence order to report: half the distance to the next order."""
 
@@ -300,10 +297,9 @@ def changed_dependencies(then: AcceptedCase, now: AcceptedCase) -> dict[str, str
 
 def diff_cases(
     id_: CaseId,
-    before: CaseNumbers | None,
-    after: CaseNumbers | None,
+    before: CaseNumbers,
+    after: CaseNumbers,
     *,
-    folder: str = "",
     motion: MotionChange | None = None,
     causes: Mapping[str, str] | None = None,
 ) -> Diff:
@@ -311,14 +307,11 @@ def diff_cases(
 
     Args:
         id_: name of the case.
-        before, after: its numbers; None if a result lacks the case.
-        folder: its folder; empty if the results are of different folders.
+        before, after: its numbers.
         motion: changes of its motion; None if it was not measured on the same segments.
         causes: changed dependencies, as by `changed_dependencies`; None if unknown.
     """
-    bare = bare_diff(id_, Status.SAME, before=before, after=after, folder=folder)
-    if before is None or after is None:
-        return msgspec.structs.replace(bare, status=Status.NEW if before is None else Status.GONE)
+    bare = bare_diff(id_, Status.SAME, before=before, after=after)
     if not (before.outcome.is_run and after.outcome.is_run):
         return _not_run(bare, before, after, causes)
     builder = _DiffBuilder(before, after, motion, causes)
@@ -415,8 +408,6 @@ class _DiffBuilder:
             self._compare_motion(self.motion)
         if self._is_settled:
             self._compare_verdict()
-        if self.motion is None:
-            self._compare_digits()
         self._compare_cost()
 
     @property
@@ -484,12 +475,6 @@ class _DiffBuilder:
         if is_comparable and has_discrepancy_changed(before, after):
             message = f"the discrepancy changed from {_in_words(before)} to {_in_words(after)}"
             self.add("discrepancy", message, _blamed(self.causes), better=False)
-
-    def _compare_digits(self) -> None:
-        then, now = self.before.digits, self.after.digits
-        if then is not None and now is not None and abs(now - then) >= DIGITS:
-            message = f"the agreeing digits changed from {then:.1f} to {now:.1f}"
-            self.add("digits", message, better=now > then)
 
     def _compare_cost(self) -> None:
         """Compare the cost of a time step; judge it only if the limit has not changed."""

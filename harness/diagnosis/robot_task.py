@@ -64,7 +64,7 @@ def diagnose_robot(task: TreeTask, *, is_reference: bool) -> Diagnosis:
         RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
     began = time.perf_counter()
-    run = _some_of(task)
+    run = run_followers(at_some(task))
     diagnosis = None if _motion_differs(run) else _diagnose_steps(task)
     if diagnosis is None:
         diagnosis = _diagnose_motion(task, run, is_reference=is_reference)
@@ -132,10 +132,6 @@ def at_some(task: TreeTask) -> TreeTask:
     large = task.target.tree.dof > LARGE_ROBOT_DOF
     count = LARGE_ROBOT_STATES if large else STATES
     return task.with_target(samples=drawn.pick(slice(count)))
-
-
-def _some_of(task: TreeTask, *, again: bool = True) -> FollowersRun:
-    return run_followers(at_some(task), again=again)
 
 
 def _explained_by_engine_defaults(run: FollowersRun) -> tuple[Explanation, ...]:
@@ -285,12 +281,12 @@ def ranked(
         known_problem: effects of the numbers, from another discrepancy of these equations.
         is_reference: as in `diagnose_robot`.
     """
-    run = run or _some_of(task)
+    run = run or run_followers(at_some(task))
     ranking, problem = _ranked(run, known_problem, is_reference=is_reference)
     if not ranking.fits or _single(ranking):
         return ranking
     for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
-        other = _some_of(task.with_settings(**settings))
+        other = run_followers(at_some(task.with_settings(**settings)))
         corrected, _ = _ranked(other, problem, is_reference=is_reference)
         if _single(corrected):
             return replace(corrected, switched_off=causes)
@@ -341,7 +337,7 @@ def robot_problem(
     Raises:
         RobotError, EngineError, BlownUpError, ReferenceError: for a failing run.
     """
-    run = run or _some_of(task)
+    run = run or run_followers(at_some(task))
     numbers = robot_numbers(task.file, task.spec.settings)
     apart, uncertainty = _apart(run)
     return problem_of(task, numbers, apart, is_reference=is_reference), uncertainty

@@ -75,19 +75,21 @@ MJCF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(
 )
 """Numbers of an MJCF that need not affect a smooth motion, by purpose."""
 
-_SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
+_SAMPLE = """<mujoco><option timestep="0.004"{options}/><compiler angle="radian"/><worldbody>
 <body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
 <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
-<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1" armature="0.02"/>
+<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1"{armature}/>
 <inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
 </worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
 <joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
 """
 
 
-def sample_mjcf() -> Sample:
+def sample_mjcf(
+    name: str = "sample", options: str = "", armature: str = ' armature="0.02"'
+) -> Sample:
     """Return two bodies on the ground, with a spring and a damper between them."""
-    return Sample(file="sample.xml", text=_SAMPLE)
+    return Sample(file=f"{name}.xml", text=_SAMPLE.format(options=options, armature=armature))
 
 
 class MjcfModel(TreeModel):

@@ -18,8 +18,8 @@ import time
 import uuid
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
+from itertools import accumulate, groupby
 from pathlib import Path
 from typing import Any
 
@@ -65,13 +65,6 @@ the run.
 """
 
 
-@dataclass(frozen=True)
-class _Stranger:
-    """A worker that does not know the run."""
-
-    address: str
-
-
 class Cluster(Executor):
     """The workers of a cluster; use it as a context manager.
 
@@ -110,7 +103,7 @@ class Cluster(Executor):
         self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._threads, self._looked = 0, -REFRESH_SECONDS
-        self._do = _sent("do")
+        self._call = _by_value()
         self._client = _connected(address)
         try:
             self._check(self._client)
@@ -143,7 +136,7 @@ class Cluster(Executor):
         self._flying.clear()
         with contextlib.suppress(Exception):
             if self._client.status == "running":  # closing waits for a scheduler that is gone
-                self._client.run(_sent("leave"), self._run, on_error="ignore")
+                self._client.run(self._call, "leave", self._run, on_error="ignore")
         with contextlib.suppress(Exception):
             self._client.close(timeout=ANSWER)
 
@@ -176,9 +169,8 @@ class Cluster(Executor):
 
     def _receive(self, workers: Sequence[str] | None = None) -> None:
         """Send the run to workers; None: to all."""
-        answers = self._client.run(
-            _sent("receive"), self._setup, workers=workers, on_error="return"
-        )
+        given = "receive", self._setup
+        answers = self._client.run(self._call, *given, workers=workers, on_error="return")
         for worker, answer in answers.items():
             if isinstance(answer, ImportError):
                 raise self._without(worker, answer)
@@ -234,25 +226,16 @@ class Cluster(Executor):
         """Send many tasks at once, because each message costs the scheduler as much as several
         tasks.
         """
-        message: list[_Sent] = []
-        size = 0
-        for task in sent:
-            message.append(task)
-            size += len(task[1])
-            if size > MESSAGE:
-                self._fly_together(message)
-                message, size = [], 0
-        self._fly_together(message)
-
-    def _fly_together(self, sent: Sequence[_Sent]) -> None:
-        if not sent:
-            return
-        tasks = [data for _, data, _ in sent]
-        keys = [f"{_name(one.function)}-{uuid.uuid4().hex}" for one, _, _ in sent]
-        futures = self._client.map(partial(self._do, self._run), tasks, key=keys, pure=False)
-        self._flying |= zip(futures, sent, strict=True)
-        for future in futures:
-            future.add_done_callback(self._ended.put)
+        ends = accumulate(len(data) for _, data, _ in sent)
+        together = groupby(zip(ends, sent, strict=True), key=lambda pair: pair[0] // MESSAGE)
+        for message in ([task for _, task in group] for _, group in together):
+            keys = [f"{_name(one.function)}-{uuid.uuid4().hex}" for one, _, _ in message]
+            tasks = [data for _, data, _ in message]
+            do = partial(self._call, "do", self._run)
+            futures = self._client.map(do, tasks, key=keys, pure=False)
+            self._flying |= zip(futures, message, strict=True)
+            for future in futures:
+                future.add_done_callback(self._ended.put)
 
     def _take(self, futures: Sequence[Any]) -> list[Pending[Any]]:
         """End and return the tasks of finished futures; resend those whose worker did not know the
@@ -262,12 +245,12 @@ class Cluster(Executor):
         again = []
         for future, reply in self._replies(futures):
             pending, data, tries = self._flying.pop(future)
-            value = self._value(reply)
-            if isinstance(value, _Stranger) and tries < _TRIES:
-                strangers[value.address] = None
+            value, stranger = self._value(reply)
+            if stranger and tries < _TRIES:
+                strangers[stranger] = None
                 again.append((pending, data, tries + 1))
                 continue
-            pending.end(Failure(_STRANGE, "") if isinstance(value, _Stranger) else value)
+            pending.end(value)
             ended.append(pending)
         if strangers:
             self._receive(list(strangers))
@@ -286,8 +269,8 @@ class Cluster(Executor):
             ]
         return [(one, one.result) for one in futures]
 
-    def _value(self, reply_of: Callable[[], Any]) -> Any:
-        """Return the value or the `Failure` of a task, or the worker that does not know the run."""
+    def _value(self, reply_of: Callable[[], Any]) -> tuple[Any, str]:
+        """Return the value or failure of a task, and the worker that does not know the run."""
         try:
             address, reply = reply_of()
         except distributed.CancelledError:
@@ -298,15 +281,15 @@ class Cluster(Executor):
         except ImportError as error:
             raise self._without("a new worker", error) from None
         except distributed.KilledWorker as error:
-            return Failure(f"several workers were lost while they ran it: {error}", "")
+            return Failure(f"several workers were lost while they ran it: {error}", ""), ""
         except Exception as error:
-            return Failure(f"the cluster: {type(error).__name__}: {error}", "")
+            return Failure(f"the cluster: {type(error).__name__}: {error}", ""), ""
         if reply is None:
-            return _Stranger(address)
+            return Failure(_STRANGE, ""), address
         try:
-            return reply if isinstance(reply, Failure) else pickle.loads(reply)
+            return reply if isinstance(reply, Failure) else pickle.loads(reply), ""
         except Exception as error:
-            return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+            return Failure(f"its value can't be read: {type(error).__name__}: {error}", ""), ""
 
 
 def _name(function: object) -> str:
@@ -354,29 +337,16 @@ def _talking(installed: Any) -> dict[str, str]:
     }
 
 
-def _sent(name: str) -> Callable[..., Any]:
-    """Return a function of `harness.jobs.remote_workers` for calls in a worker.
+def _by_value() -> Callable[..., Any]:
+    """Return a function that calls one of `harness.jobs.remote_workers` in a worker.
 
     It is sent as code, not by name. The scheduler reads it too and need not have this package, and
     a worker must bind the names to our packages before it looks them up.
     """
 
-    def receive(setup: bytes) -> Any:
+    def call(name: str, *arguments: Any) -> Any:
         from physics_crosscheck.harness.jobs import remote_workers
 
-        return remote_workers.receive(setup)
+        return getattr(remote_workers, name)(*arguments)
 
-    def do(run: str, data: bytes) -> Any:
-        import distributed as there
-
-        from physics_crosscheck.harness.jobs import remote_workers
-
-        return there.get_worker().address, remote_workers.do(run, data)
-
-    def leave(run: str) -> None:
-        from physics_crosscheck.harness.jobs import remote_workers
-
-        remote_workers.leave(run)
-
-    functions: dict[str, Callable[..., Any]] = {"receive": receive, "do": do, "leave": leave}
-    return functions[name]
+    return call

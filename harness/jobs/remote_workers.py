@@ -15,29 +15,23 @@ import multiprocessing
 import os
 import pickle
 import platform
-import queue
 import threading
+import time
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass
 from multiprocessing.util import Finalize
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.paths import PACKAGE, SOURCES
-from .executor import Pending
+from .executor import MOMENT
 from .failure import Failure
 from .limits import Limits
 from .workers import Workers
 
 IDLE_SECONDS = 60.0
 """Seconds without a task after which the processes of a pool end; the next task starts new ones."""
-
-_MAX_PROCESSES = 10_000
-"""Upper limit for the number of processes; dask requests only as many tasks as its worker has
-threads.
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,11 +128,19 @@ def _unshared(config: RunConfig) -> str:
 
 
 _pools: dict[str, RemoteWorkerPool] = {}
-_lock = threading.Lock()
+_lock, _starting = threading.Lock(), threading.Lock()
+
+
+class _RemoteProcess(Workers):
+    """One process, for the tasks of one thread of a dask worker."""
+
+    def _new(self) -> Any:
+        with _starting:  # a start changes the state of this process for a moment
+            return super()._new()
 
 
 class RemoteWorkerPool:
-    """The processes for a run's tasks on one machine.
+    """The processes for a run's tasks on one machine, one for each thread that runs a task.
 
     Args:
         config: configuration of the run.
@@ -146,104 +148,69 @@ class RemoteWorkerPool:
 
     def __init__(self, config: RunConfig) -> None:
         self._config = config
-        self._requests: queue.SimpleQueue[tuple[bytes, Future[object]] | None] = queue.SimpleQueue()
-        self._woken, self._wake = multiprocessing.Pipe(duplex=False)
-        self._request_lock = threading.Lock()
-        self._closed = False
-        self._thread = threading.Thread(target=self._manage, daemon=True)
-        self._thread.start()
+        self._free: list[Workers] = []
+        self._busy: list[Workers] = []
+        self._last = time.monotonic()
+        self._closed = threading.Event()
+        threading.Thread(target=self._end_idle, daemon=True).start()
 
     def do(self, data: bytes) -> bytes | Failure | None:
         """Run a serialized task; return its serialized value, its failure, or None if the pool is
         closed.
         """
-        future: Future[object] = Future()
-        with self._request_lock:
-            if self._closed:
-                return None
-            self._requests.put((data, future))
-            self._wake.send_bytes(b".")
-        return cast(bytes | Failure | None, future.result())
+        workers = self._process()
+        try:
+            pending = workers.submit(done, data)
+            while not (pending.ended or self._closed.is_set()):
+                workers.turn()
+        except Exception as error:
+            workers.close()
+            return Failure(f"its machine runs no tasks: {type(error).__name__}: {error}", "")
+        finally:
+            self._last = time.monotonic()
+            self._busy.remove(workers)
+        if self._closed.is_set():
+            workers.close()
+            return None
+        self._free.append(workers)
+        return pending.value
 
     def close(self) -> None:
         """End the processes, including running tasks."""
-        with self._request_lock:
-            if not self._closed:
-                self._closed = True
-                self._requests.put(None)
-                self._wake.send_bytes(b".")
-        self._thread.join()
+        self._closed.set()
+        while self._busy:
+            time.sleep(MOMENT / 10)
+        self._dismiss()
 
-    def _manage(self) -> None:
-        """Start tasks until the run leaves; only this thread uses multiprocessing."""
-        flying: dict[Pending[Any], Future[object]] = {}
-        while not self._closed:
-            request = self._next(IDLE_SECONDS)
-            if request is None:
-                continue
-            try:
-                with self._workers() as workers:
-                    self._run_tasks(workers, flying, request)
-            except Exception as error:
-                reason = f"its machine runs no tasks: {type(error).__name__}: {error}"
-                for future in flying.values():
-                    future.set_result(Failure(reason, ""))
-                flying.clear()
-        for future in flying.values():
-            future.set_result(None)
-        while (request := self._next(0.0)) is not None:
-            request[1].set_result(None)
+    def _process(self) -> Workers:
+        """Return a process that has no task, or a new one."""
+        with _lock:
+            workers = self._free.pop() if self._free else None
+        if workers is None:
+            folder = Path(self._config.cwd)
+            workers = _RemoteProcess(1, self._config.limits, cwd=folder, hide_main=True)
+        self._busy.append(workers)
+        return workers
 
-    def _workers(self) -> Workers:
-        return Workers(
-            _MAX_PROCESSES,
-            self._config.limits,
-            cwd=Path(self._config.cwd),
-            wake=self._woken,
-            hide_main=True,
-        )
-
-    def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
-        """Return the next task, if one arrives in time and the run has not left."""
-        with contextlib.suppress(queue.Empty):
-            return self._requests.get(block=seconds > 0, timeout=seconds)
-        return None
-
-    def _run_tasks(
-        self,
-        workers: Workers,
-        flying: dict[Pending[Any], Future[object]],
-        request: tuple[bytes, Future[object]] | None,
-    ) -> None:
-        """Run this task and the following ones, until none arrives for a while."""
+    def _dismiss(self) -> None:
         while True:
-            while request is not None:
-                data, future = request
-                flying[workers.submit(done, data)] = future
-                request = self._next(0.0)
-            if self._closed:
-                return
-            if not flying:
-                request = self._next(IDLE_SECONDS)
-                if request is None:
+            with _lock:
+                if not self._free:
                     return
-                continue
-            while self._woken.poll():
-                self._woken.recv_bytes()
-            for pending in workers.turn():
-                flying.pop(pending).set_result(pending.value)
-            request = self._next(0.0)
+                workers = self._free.pop()
+            workers.close()
+
+    def _end_idle(self) -> None:
+        """End the processes whenever no task has come for a while."""
+        while not self._closed.wait(IDLE_SECONDS):
+            if not self._busy and time.monotonic() - self._last > IDLE_SECONDS:
+                self._dismiss()
 
 
-class PayloadError(RuntimeError):
-    """A value that cannot be sent; the message gives the reason."""
-
-
-def done(data: bytes) -> bytes:
+def done(data: bytes) -> bytes | Failure:
     """Run a pickled task, a function and its argument, and return its pickled value.
 
     Raises:
-        PayloadError: for a value that cannot be sent.
         Exception: any error of the task.
     """
     function, argument = pickle.loads(data)
@@ -251,7 +218,7 @@ def done(data: bytes) -> bytes:
     try:
         return pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
     except Exception as error:
-        raise PayloadError(f"its value can't be sent: {type(error).__name__}: {error}") from None
+        return Failure(f"its value can't be sent: {type(error).__name__}: {error}", "")
 
 
 def receive(pickled: bytes) -> tuple[str, str]:
@@ -274,10 +241,12 @@ def receive(pickled: bytes) -> tuple[str, str]:
     return "", ""
 
 
-def do(run: str, data: bytes) -> bytes | Failure | None:
-    """Run a task; return None if this worker does not know the run."""
+def do(run: str, data: bytes) -> tuple[str, bytes | Failure | None]:
+    """Run a task; return this worker's address, and the value, None if it does not know the run."""
+    import distributed  # an extra
+
     pool = _pools.get(run)
-    return None if pool is None else pool.do(data)
+    return distributed.get_worker().address, None if pool is None else pool.do(data)
 
 
 def leave(run: str) -> None:

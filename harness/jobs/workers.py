@@ -152,7 +152,6 @@ class Workers(Executor):
         jobs: maximum number of workers.
         limits: limits of each task.
         cwd: working folder; None: that of this process.
-        wake: a pipe whose data interrupts the wait of `turn`; another part reads it.
         hide_main: whether to hide the program's main module from them.
         derives: whether tasks derive equations from energies.
     """
@@ -163,13 +162,12 @@ class Workers(Executor):
         limits: Limits | None = None,
         *,
         cwd: Path | None = None,
-        wake: Connection | None = None,
         hide_main: bool = False,
         derives: bool = True,
     ) -> None:
         super().__init__()
         self._jobs, self._limits = jobs, limits or Limits()
-        self._cwd, self._wake, self._hide_main = cwd, wake, hide_main
+        self._cwd, self._hide_main = cwd, hide_main
         self._context = _context(derives)
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._running: list[_Worker] = []
@@ -243,7 +241,6 @@ class Workers(Executor):
         """Wait briefly; yield the tasks that ended, in the order of the workers."""
         ends: list[Connection | int] = [one.tasks for one in self._running]
         ends += [one.process.sentinel for one in self._running if not one.orphaned]
-        ends += [] if self._wake is None else [self._wake]
         ready = wait(ends, MOMENT)
         for worker in tuple(self._running):
             pending = worker.pending

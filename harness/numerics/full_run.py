@@ -226,7 +226,6 @@ def simulated(
     inputs: Inputs,
     duration: float,
     h: float,
-    every: int = 0,
 ) -> tuple[Array, Array]:
     """Return sample times (S,) and states (S, 2n) of a run without a reference motion.
 
@@ -235,9 +234,8 @@ def simulated(
         inputs: constant over each step.
         duration: seconds.
         h: step, seconds.
-        every: steps from sample to sample; 0 for automatic.
     """
-    extent = _Extent.of_duration(duration, start, h, every)
+    extent = _Extent.of_duration(duration, start, h, 0)
     run = _stepped(model, coordinates, inputs, duration, h, extent)
     return run.t, run.states
 

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization, Model
 from physics_crosscheck.harness.records.survey import Audit
 from .options import Options
-from .prepared import Arguments, TargetFacts, task_function
+from .prepared import TargetFacts, task_function
 
 
 def add_audit(model: Model, value: Audit) -> Model:
@@ -68,10 +68,13 @@ class ModelCheck:
     add: Callable[[Model, Any], Model] = add_audit
     fail: Callable[[Model, Failure], Model] = fail_audit
 
-    def task(self, facts: TargetFacts, given: Arguments) -> Callable[[Any], Any]:
-        """Return the function of a worker, which takes a prepared target."""
+    def task(self, facts: TargetFacts, **given: Any) -> Callable[[Any], Any]:
+        """Return the function of a worker, which takes a prepared target.
+
+        `given` are arguments of `checks.task.model_task`.
+        """
         path = self.function if facts.declares == "energies" else self.of_bodies or self.function
-        return task_function("check", path=path, given=given)
+        return task_function("check", path=path, **given)
 
     def enter(self, model: Model, value: Any) -> Model:
         """Add a value, or the reason of a failure, to the record of a model."""

@@ -108,14 +108,10 @@ class Selection:
     Attributes:
         models: those to run; None: all.
         snapshot: returns the segments that a case of a folder or robot file repeats, if any.
-        diagnose: whether models that differ are diagnosed.
-        described: whether linearizations and the derivation for a report are computed.
     """
 
     models: frozenset[ModelKey] | None
     snapshot: Callable[[str, CaseId], Snapshot | None] = lambda folder, case: None
-    diagnose: bool = False
-    described: bool = False
 
     def includes(self, model: ModelKey) -> bool:
         """Return whether a model is to be run."""
@@ -141,7 +137,7 @@ class Options:
         thorough: whether every check of a case runs, also those whose answer others imply.
         strict: whether differences within an engine's own precision count.
         every: whether the gate runs unchanged cases too.
-        diagnose: whether the gate finds the cause of each difference, which takes longer.
+        diagnose: whether a run with a selection finds the cause of each difference; slower.
         parents: folders whose systems are all given, so that one missing in the gate is gone; None:
             the gate expects every system of the baseline.
     """
@@ -174,9 +170,9 @@ class Options:
     @property
     def described(self) -> bool:
         """Linearizations and the derivation for a report are computed."""
-        return self.selection is None or self.selection.described
+        return self.selection is None
 
     @property
     def diagnosed(self) -> bool:
         """Models that differ are diagnosed."""
-        return self.selection is None or self.selection.diagnose
+        return self.selection is None or self.diagnose

@@ -1,4 +1,4 @@
-"""TargetFacts about prepared targets, and the arguments of the tasks that use them.
+"""Facts about prepared targets, and the tasks that use them.
 
 Workers resolve a task by its name in `planning.tasks`, so that planning imports no equations.
 """
@@ -12,9 +12,7 @@ from functools import lru_cache, partial
 from pkgutil import resolve_name
 from typing import Any, Literal
 
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.system import SystemResult
 
@@ -22,7 +20,7 @@ TASKS = "physics_crosscheck.harness.planning.tasks"
 
 
 class TargetFacts(Record, frozen=True, kw_only=True):
-    """TargetFacts about a prepared folder or robot file, without its equations.
+    """Facts about a prepared folder or robot file, without its equations.
 
     Attributes:
         record: its entry in the results.
@@ -69,26 +67,6 @@ class Preparation:
 
     facts: TargetFacts
     solved: PackedEquations
-
-
-@dataclass(frozen=True, kw_only=True)
-class Arguments:
-    """Arguments of a task of one model in one engine; a robot file has no `sidecar`.
-
-    Attributes:
-        scenario: scenario of a case or a measurement.
-        snapshot: accepted snapshot that a measurement repeats.
-        thorough: whether every check of a case runs.
-        no_motion: why a motion from rest is left out; empty if it is not.
-    """
-
-    engine: str
-    resolution: float
-    sidecar: Sidecar | None = None
-    scenario: str = ""
-    snapshot: Snapshot | None = None
-    thorough: bool = False
-    no_motion: str = ""
 
 
 @dataclass(frozen=True)

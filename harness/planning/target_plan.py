@@ -31,7 +31,7 @@ from .cache import (
 )
 from .model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
 from .options import Options
-from .prepared import Arguments, PackedEquations, Preparation, TargetFacts, task_function
+from .prepared import PackedEquations, Preparation, TargetFacts, task_function
 from .result_builder import Jobs, ResultBuilder
 
 Done = Callable[[Any], Jobs]
@@ -179,20 +179,20 @@ class TargetPlan:
             yield from done(value)
             return
 
-        arguments = Arguments(
-            engine=key[-1],
-            resolution=self.options.resolution,
-            sidecar=sidecar,
-            scenario=scenario,
-            snapshot=snapshot,
-            thorough=self.options.thorough,
-            no_motion=no_motion,
-        )
-
         def job() -> Job[Any]:
             # The checks of a robot file in an engine share a loaded model and its steps.
             subject = "" if sidecar else str(key)
-            task = Task(check.task(self.facts, arguments), self._solved, subject)
+            function = check.task(
+                self.facts,
+                engine=key[-1],
+                resolution=self.options.resolution,
+                sidecar=sidecar,
+                scenario=scenario,
+                snapshot=snapshot,
+                thorough=self.options.thorough,
+                no_motion=no_motion,
+            )
+            task = Task(function, self._solved, subject)
             # The files that a model in code reads are not known in advance.
             if cache_key is not None and Path(cache_key.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument, subject)

@@ -9,36 +9,22 @@ from typing import Any
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import model_task
-from .prepared import Arguments, PackedEquations, Preparation, TargetFacts
+from .prepared import PackedEquations, Preparation, TargetFacts
 
 
-def target(
-    place: Path,
-    *,
-    described: bool = False,
-    floating: bool | None = None,
-    model: str = "",
-    motion: float = 0.0,
-    smooth: bool = False,
-    ideal: bool = False,
-    no_motion: str = "",
-) -> Preparation:
+def target(place: Path, *, no_motion: str = "", **reading: Any) -> Preparation:
     """Read a system folder or a robot file, derive its equations, and solve them.
 
-    With `no_motion`, the motion from rest is left out for this reason.
+    Args:
+        place: the folder or the file.
+        no_motion: why the motion from rest is left out; empty if it is not.
+        reading: options of `prepare`; without one, nothing is described.
 
     Raises:
         DeclarationError, FileError, ReferenceError: naming the error and its place.
     """
-    solved = prepare(
-        place,
-        described=described,
-        floating=floating,
-        model=model,
-        motion=0.0 if no_motion else motion,
-        smooth=smooth,
-        ideal=ideal,
-    )
+    still = {"motion": 0.0} if no_motion else {}
+    solved = prepare(place, **{"described": False, **reading, **still})
     solved = _without_motion(solved, no_motion)
     if isinstance(solved, PreparedSystem):
         facts = TargetFacts(record=solved.record, declares="energies", reads=dict(solved.reads))
@@ -59,21 +45,14 @@ def _without_motion(
     return replace(solved, rest=why) if why and isinstance(solved, PreparedTree) else solved
 
 
-def check(equations: PackedEquations, *, path: str, given: Arguments) -> Any:
+def check(equations: PackedEquations, *, path: str, no_motion: str = "", **given: Any) -> Any:
     """Call the function of a check with the task of one model in one engine.
 
     Args:
         equations: the solved equations of the target.
         path: path of the function below `harness`.
-        given: the model, the engine and the options.
+        no_motion: as in `target`.
+        given: the model, the engine and the options, as for `model_task`.
     """
-    task = model_task(
-        _without_motion(equations.unpack(), given.no_motion),
-        given.engine,
-        given.sidecar,
-        scenario=given.scenario,
-        resolution=given.resolution,
-        thorough=given.thorough,
-        snapshot=given.snapshot,
-    )
+    task = model_task(_without_motion(equations.unpack(), no_motion), **given)
     return resolve_name(f"physics_crosscheck.harness.{path}")(task)

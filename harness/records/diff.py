@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from enum import StrEnum
-from typing import Literal, TypeVar, get_args
+from typing import Literal, get_args
 
 import msgspec
 
@@ -14,11 +13,9 @@ from .case import Case, CaseId
 from .codes import gate_code
 from .outcome import Outcome
 
-T = TypeVar("T")
-
 Changed = Literal[
-    "verdict", "limit", "equations", "steps", "scenario", "discrepancy", "digits", "error at dt",
-    "order", "integrator", "dt", "next state", "audit",
+    "verdict", "limit", "equations", "steps", "scenario", "discrepancy", "error at dt", "order",
+    "integrator", "dt", "audit",
 ]  # fmt: skip
 """Quantity of a case that changed, the worst first."""
 
@@ -123,37 +120,17 @@ class Diff(Record, frozen=True, kw_only=True):
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
 
-    def _pair(self, number: Callable[[CaseNumbers], T]) -> tuple[T | None, T | None]:
-        """Return a number in each result; None if it lacks the case."""
-        then, now = (None if one is None else number(one) for one in (self.before, self.after))
-        return then, now
-
     @property
     def outcomes(self) -> tuple[Outcome | None, Outcome | None]:
         """Outcome in each result; None if it lacks the case."""
-        return self._pair(lambda numbers: numbers.outcome)
-
-    @property
-    def digits(self) -> tuple[Number, Number]:
-        """Agreeing digits in each result."""
-        return self._pair(lambda numbers: numbers.digits)
-
-    @property
-    def is_compared(self) -> bool:
-        """True if both results have numbers, or only one has the case."""
-        return self.status is not Status.NOT_RUN
+        then, now = (None if one is None else one.outcome for one in (self.before, self.after))
+        return then, now
 
     @property
     def is_change(self) -> bool:
         """True if something changed."""
-        return self.is_compared and bool(self.changed or self.status in (Status.GONE, Status.NEW))
-
-    @property
-    def summary(self) -> str:
-        """Changed quantities, or the status; empty if nothing did."""
-        if self.changed:
-            return ", ".join(self.changed)
-        return self.status.value if self.is_change or not self.is_compared else ""
+        is_compared = self.status is not Status.NOT_RUN
+        return is_compared and bool(self.changed or self.status in (Status.GONE, Status.NEW))
 
     @property
     def label(self) -> str:
@@ -163,29 +140,19 @@ class Diff(Record, frozen=True, kw_only=True):
 
     @property
     def is_worse(self) -> bool:
-        """True if the verdict is worse, fewer digits agree, or the error at dt is larger."""
+        """True if the verdict is worse, or the error at dt is larger."""
         if self.before is None or self.after is None:
             return False
         then, now = self.before, self.after
         if then.outcome is not now.outcome:
             return now.outcome.severity > then.outcome.severity
-        fewer = "digits" in self.changed and (now.digits or 0.0) < (then.digits or 0.0)
         error = math.inf if now.global_error is None else now.global_error
-        return fewer or ("error at dt" in self.changed and error > (then.global_error or 0.0))
+        return "error at dt" in self.changed and error > (then.global_error or 0.0)
 
     @property
     def size(self) -> float:
         """Change of the extrapolated motion beyond its uncertainty; 0 without one."""
         return (self.moved or 0.0) if {"limit", "equations"}.intersection(self.changed) else 0.0
-
-    @property
-    def rank(self) -> tuple[bool, bool, int, float]:
-        """Sort key: cases that could not run first, then worse ones, then by what changed."""
-        place = min(map(WORST_FIRST.index, self.changed), default=len(WORST_FIRST))
-        place = 1 if self.status in (Status.GONE, Status.NEW) else place
-        then, now = self.digits
-        size = self.size or abs((now or 0.0) - (then or 0.0))
-        return self.is_compared, not self.is_worse, place, -size
 
 
 def bare_diff(
@@ -195,7 +162,6 @@ def bare_diff(
     *,
     before: CaseNumbers | None = None,
     after: CaseNumbers | None = None,
-    folder: str = "",
 ) -> Diff:
     """Return the difference of a case that is not compared by its numbers."""
     return Diff(
@@ -203,7 +169,6 @@ def bare_diff(
         model=id_.model,
         scenario=id_.scenario,
         engine=id_.engine,
-        folder=folder,
         status=status,
         messages=messages,
         before=before,

@@ -36,13 +36,12 @@ def survey_lines(
 
 def audit_lines(
     findings: Iterable[AuditFinding],
-    notes: bool = True,
     success: str = "ok: literals and compiled terms match the equations",
 ) -> list[str]:
     """Return one line per finding, then one per note, each with its file and line."""
     all_findings = list(findings)
     lines = []
-    for severity in ("finding", "note") if notes else ("finding",):
+    for severity in ("finding", "note"):
         for finding in all_findings:
             if finding.severity == severity:
                 lines.append(f"{severity:<8} {_coded(finding)}")

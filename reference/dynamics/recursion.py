@@ -178,7 +178,7 @@ class Recursion:
         for i, link in enumerate(links):
             if not same[i]:
                 here = q[self.tree.positions[i]]
-                placements[i] = self._placed(link.kind, self._links[i], here)
+                placements[i] = self._placed(link, self._links[i], here)
             if not same[i] or link.parent in moved:
                 moved.add(i)
                 motions[i] = self._motion(i, placements, motions, v, a)

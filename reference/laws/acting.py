@@ -48,20 +48,16 @@ class Oscillator:
         return float(np.exp(-z / s * np.arctanh(2 * z * s / (2 * z**2 - 1))))
 
 
-def pressed(
-    softness: Softness, laws: Laws, *, share: float = 1.0, distance: float = np.inf
-) -> Oscillator:
-    """Return the motion into a constraint.
+def pressed(softness: Softness, laws: Laws) -> Oscillator:
+    """Return the motion into a constraint, beyond the full depth of its impedance.
 
     Args:
         softness: of the constraint.
         laws: with the step.
-        share: inverse inertia of the row, relative to the one that scales its softness.
-        distance: violation, which determines the impedance; beyond full depth by default.
     """
-    d, full = impedance(softness, distance)
+    d, full = impedance(softness, np.inf)
     k, b = gains(softness.reference, full, laws.step, safe=laws.safe)
-    s = 1 / (1 + (1 - d) / (d * share))
+    s = 1 / (1 + (1 - d) / d)
     rate = float(np.sqrt(s * d * k))
     return Oscillator(rate=rate, damping=s * b / (2 * rate) if rate else np.inf)
 

@@ -107,7 +107,6 @@ class Segments:
         length: float,
         inputs: Array,
         *,
-        varying: bool = False,
         scale: Array | None = None,
     ) -> Segments:
         """Return segments of one length, each under constant inputs (K, m), with unknown ends."""
@@ -118,7 +117,7 @@ class Segments:
             end=start,
             bound=np.full(start.shape[1], np.inf),
             t=np.full(len(start), np.nan),
-            varying=varying,
+            varying=False,
             scale=scale,
         )
 

@@ -155,20 +155,17 @@ def test_every_comparison_uses_the_same_rule_for_errors(
 
 def other(**numbers: Any) -> tuple[Changed, ...]:
     """Return what changed between two results without measured motions."""
-    was = CaseNumbers(
-        outcome=DIFFERS, discrepancy=3.0e-2, uncertainty=1e-10, component="x", digits=1.5
-    )
+    was = CaseNumbers(outcome=DIFFERS, discrepancy=3.0e-2, uncertainty=1e-10, component="x")
     return diff_cases(ENTRY.id, was, msgspec.structs.replace(was, **numbers)).changed
 
 
 def test_discrepancy_change_below_half_a_digit_is_reported() -> None:
-    assert other(discrepancy=3.2e-2, digits=1.4) == ("discrepancy",)
+    assert other(discrepancy=3.2e-2) == ("discrepancy",)
     assert other(discrepancy=3.0e-2 + 1.5e-10) == ()
 
 
-def test_different_components_are_compared_by_digits_only() -> None:
-    assert other(discrepancy=4e-2, component="y") == ()
-    assert other(discrepancy=4e-1, component="y", digits=0.3) == ("digits",)
+def test_discrepancies_of_different_components_are_not_compared() -> None:
+    assert other(discrepancy=4e-1, component="y") == ()
 
 
 def test_changed_scenario_is_reported_as_such() -> None:

@@ -314,6 +314,6 @@ def test_drive_that_leaves_its_limit_early_is_resolved() -> None:
 def test_wrong_event_limit_is_named(tmp_path: Path) -> None:
     sidecar = read_sidecar(EVENTS / "pendulum_stop" / "space.py.toml")
     task = model_task(prepare_system(sidecar.model.parent, described=False), "pymunk", sidecar)
-    wrong = Edit({"LIMIT": 0.404}).apply(sidecar, "pymunk", tmp_path)
-    (cause,) = diagnose_model(task.with_sidecar(wrong)).explanations[0].causes
+    wrong = Edit({"LIMIT": 0.404}).plant(task, tmp_path)
+    (cause,) = diagnose_model(wrong).explanations[0].causes
     assert cause.subject == ("LIMIT",)

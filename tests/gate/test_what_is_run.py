@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -24,7 +25,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.planning.model_checks import AUDIT, ModelCheck
-from physics_crosscheck.harness.planning.prepared import Arguments, TargetFacts
+from physics_crosscheck.harness.planning.prepared import TargetFacts
 from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.schema import schema
 from physics_crosscheck.harness.records.write import encoded
@@ -187,8 +188,8 @@ def _broken(_: object) -> None:
 TASK = ModelCheck.task
 
 
-def _broken_audit(check: ModelCheck, facts: TargetFacts, given: Arguments) -> Callable[..., object]:
-    return _broken if check is AUDIT else TASK(check, facts, given)
+def _broken_audit(check: ModelCheck, facts: TargetFacts, **given: Any) -> Callable[..., object]:
+    return _broken if check is AUDIT else TASK(check, facts, **given)
 
 
 def test_failed_audit_does_not_pass_and_cannot_be_accepted(

@@ -1,14 +1,12 @@
 """Built-in models in one engine, with two scenarios and few segments."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
-from physics_crosscheck.harness.commands.mutation.judge import MutationTask, mutated
 from physics_crosscheck.harness.commands.mutation.mistakes import Mistake, Subject
-from physics_crosscheck.harness.commands.mutation.survey import FaultSurvey, survey
+from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutated
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -46,10 +44,4 @@ def few_segments(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def rows(task: SystemTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
     """Return the outcomes of the faults that `chosen` selects."""
-    fault_survey = survey(task)
-    without_faults = replace(fault_survey, faults=())
-    return [try_fault(task, without_faults, fault) for fault in filter(chosen, fault_survey.faults)]
-
-
-def try_fault(task: SystemTask, fault_survey: FaultSurvey, fault: Mistake) -> Mutation:
-    return mutated(MutationTask(model=task, survey=fault_survey, fault=fault))
+    return [mutated(fault) for fault in faults_of(task) if chosen(fault.mistake)]

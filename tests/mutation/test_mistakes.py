@@ -16,8 +16,8 @@ from physics_crosscheck.harness.commands.mutation.mistakes import (
     Subject,
     known_mistakes,
 )
-from physics_crosscheck.harness.commands.mutation.mutate import mutate
-from physics_crosscheck.harness.commands.mutation.survey import MutationError, survey
+from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutate, mutated
+from physics_crosscheck.harness.commands.mutation.survey import MutationError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
@@ -25,7 +25,7 @@ from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import CauseId
-from tests.mutation.conftest import make_task, rows, subject, try_fault
+from tests.mutation.conftest import make_task, rows, subject
 from tests.physics import physics
 from tests.standing import keep_default_engines, shorten_scenarios
 
@@ -60,7 +60,7 @@ def mistakes_named(words: str, *given: Any, **more: Any) -> list[tuple[Subject, 
 
 def texts_of(pairs: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
     return [
-        (m, m.edit.apply(s.task.declared, s.task.engine, tmp_path / str(i)).model.read_text())
+        (m, m.edit.plant(s.task, tmp_path / str(i)).file.read_text())
         for i, (s, m) in enumerate(pairs)
     ]
 
@@ -121,38 +121,37 @@ def test_all_faults_of_a_folder_are_tried_with_literals_first(copy_model: CopyMo
 @pytest.mark.slow
 def test_mistake_with_an_unexpected_cause_is_caught_but_not_named(few_segments: None) -> None:
     task = make_task(MSD, "mujoco.xml")
-    fault_survey = survey(task)
-    friction = next(f for f in fault_survey.faults if f.name == "friction left in")
-    wrong = replace(friction, causes=frozenset({CauseId(kind="damping", subject=("x",))}))
-    row = try_fault(task, fault_survey, wrong)
+    friction = next(f for f in faults_of(task) if f.mistake.name == "friction left in")
+    causes = frozenset({CauseId(kind="damping", subject=("x",))})
+    row = mutated(replace(friction, mistake=replace(friction.mistake, causes=causes)))
     assert (row.verdict, row.message) == (FaultVerdict.CAUGHT, "joint[x]@frictionloss")
-    labelled_correct = try_fault(task, fault_survey, replace(friction, sound=True))
-    assert labelled_correct.verdict is not FaultVerdict.AGREES
-    unchanged = try_fault(task, fault_survey, Mistake("nothing", "x", Edit()))
+    sound = replace(friction, mistake=replace(friction.mistake, sound=True))
+    assert mutated(sound).verdict is not FaultVerdict.AGREES
+    unchanged = mutated(replace(friction, mistake=Mistake("nothing", "x", Edit())))
     assert unchanged.verdict is FaultVerdict.UNTESTED
 
 
 def test_wrong_model_is_refused_with_its_name(few_segments: None, copy_model: CopyModel) -> None:
     sidecar = copy_model(MSD, "mujoco.xml", ("mujoco.xml", 'damping="0.9"', 'damping="0.91"'))
     with pytest.raises(MutationError, match=r"mujoco.xml: it differs from its equations already"):
-        survey(make_task(MSD, "mujoco.xml", sidecar=sidecar))
+        faults_of(make_task(MSD, "mujoco.xml", sidecar=sidecar))
 
 
 @pytest.mark.slow
 def test_model_without_bindings_still_has_known_mistakes(few_segments: None) -> None:
     task = make_task(MSD, "mujoco.xml")
     unbound_task = task.with_sidecar(replace(task.declared, bindings={}))
-    fault_survey = survey(unbound_task)
-    assert fault_survey.addresses == ()
-    friction = next(f for f in fault_survey.faults if f.name == "friction left in")
-    assert try_fault(unbound_task, fault_survey, friction).verdict is FaultVerdict.NAMED
+    faults = faults_of(unbound_task)
+    assert all(fault.values is None for fault in faults)
+    friction = next(f for f in faults if f.mistake.name == "friction left in")
+    assert mutated(friction).verdict is FaultVerdict.NAMED
 
 
 @pytest.mark.slow
 def test_mass_that_hardly_moves_is_accepted() -> None:
     task = make_task("anchored_pair", "space.py", "pymunk")
     # Its velocity is only rounding of the positions, 1e-15 of the scale.
-    survey(task.with_target(motions=physics("anchored_pair").motions))
+    faults_of(task.with_target(motions=physics("anchored_pair").motions))
 
 
 def test_model_with_equalities_gets_no_change_of_the_integrator() -> None:
@@ -216,7 +215,7 @@ def test_every_family_is_used_and_its_mistakes_are_unique() -> None:
 
 def test_wrong_setting_is_kept_in_copies_with_other_literals(tmp_path: Path) -> None:
     task = make_task(MSD, "robot.urdf", "pybullet")
-    wrong = Edit(settings={"motors": True}).apply(task.declared, "pybullet", tmp_path / "made")
+    wrong = Edit(settings={"motors": True}).plant(task, tmp_path / "made").declared
     moved = with_literals(wrong, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
     assert moved.spec("pybullet").settings["motors"] is True
     assert moved.spec("pybullet").settings["step"] == 0.001

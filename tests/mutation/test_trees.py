@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,16 +12,10 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, pre
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.commands.mutation import trees
 from physics_crosscheck.harness.commands.mutation.faults import FAULTS
-from physics_crosscheck.harness.commands.mutation.mutate import mutate
-from physics_crosscheck.harness.commands.mutation.survey import MutationError
+from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutate, mutated
+from physics_crosscheck.harness.commands.mutation.survey import MutationError, PlantedFault
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.commands.mutation.tree_mistakes import law_mistakes
-from physics_crosscheck.harness.commands.mutation.trees import (
-    TreeFault,
-    died,
-    faults_of,
-    mutated_tree,
-)
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
@@ -59,7 +54,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def faults_by_key(folder: Path) -> dict[tuple[str, str], TreeFault]:
+def faults_by_key(folder: Path) -> dict[tuple[str, str], PlantedFault[Any]]:
     prepared = prepare(folder)
     assert isinstance(prepared, PreparedTree)
     task = model_task(prepared, "mujoco", read_sidecar(folder / "m.xml.toml"))
@@ -68,13 +63,13 @@ def faults_by_key(folder: Path) -> dict[tuple[str, str], TreeFault]:
 
 def test_wrong_number_is_named_or_has_no_effect(folder: Path) -> None:
     faults = faults_by_key(folder)
-    named = mutated_tree(faults["joint[swing]@damping", "1e-3"])
+    named = mutated(faults["joint[swing]@damping", "1e-3"])
     assert (named.verdict, named.name) == (FaultVerdict.NAMED, "1e-3")
     assert named.estimate_error is not None
     assert named.estimate_error < 1e-3
     assert named.first_caught is not None
     assert named.first_caught < 1e-6
-    height = mutated_tree(faults["body[arm]@pos[2]", "5 %"])
+    height = mutated(faults["body[arm]@pos[2]", "5 %"])
     assert (height.verdict, height.first_caught) == (FaultVerdict.UNTESTED, None)
     assert any("detected from" in line for line in mutation_lines([named, height]))
 
@@ -113,18 +108,18 @@ def test_second_order_effect_is_judged_by_its_size(
     monkeypatch.setattr(trees, "run_case", lambda _: case())
     verdicts = {}
     for fault in faults:
-        address = died(fault, "").location
+        address = fault.mistake.location
         if fault.size is not None and address in (
             "joint[hinge]/axis@xyz[2]",
             "link[rod]/inertial/mass@value",
         ):
-            verdicts[address[:4], fault.mistake.name] = mutated_tree(fault).verdict
+            verdicts[address[:4], fault.mistake.name] = mutated(fault).verdict
     untested = [key for key, verdict in verdicts.items() if verdict is FaultVerdict.UNTESTED]
     assert untested == [("join", "1e-6")]
     assert set(verdicts.values()) == {FaultVerdict.UNTESTED, FaultVerdict.MISSED}
 
 
-def mass_fault(task: TreeTask) -> tuple[TreeFault, ...]:
+def mass_fault(task: TreeTask) -> tuple[PlantedFault[Any], ...]:
     return tuple(
         one
         for one in faults_of(task)
@@ -163,7 +158,7 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
     task = model_task(prepare_tree(file, states=8), "mujoco")
     faults = [fault for fault in faults_of(task) if fault.size is None]
     assert [one.mistake.name for one in faults].count("grams for kilograms") == 1
-    rows = [mutated_tree(one) for one in faults if one.mistake.name != "grams for kilograms"]
+    rows = [mutated(one) for one in faults if one.mistake.name != "grams for kilograms"]
     assert {(row.name, row.location): row.verdict for row in rows} == {
         ("axis flipped", "joint[hinge]/axis@xyz"): FaultVerdict.NAMED,
         ("moments exchanged", "link[rod]/inertial/inertia"): FaultVerdict.NAMED,
@@ -179,8 +174,8 @@ def test_typical_mistakes_are_planted_and_named(tmp_path: Path) -> None:
 def test_engine_defaults_left_on_are_mistakes_of_a_robot(tmp_path: Path) -> None:
     file = written(tmp_path, "swing.urdf", SWING)
     task = model_task(prepare_tree(file, states=8), "pybullet")
-    faults = [one for one in faults_of(task) if one.mistake.settings]
-    rows = {row.location: row for row in map(mutated_tree, faults)}
+    faults = [one for one in faults_of(task) if one.mistake.edit.settings]
+    rows = {row.location: row for row in map(mutated, faults)}
     assert rows["settings.motors"].verdict is not FaultVerdict.UNTESTED
     flag = next(row for place, row in rows.items() if "inertia" in row.name)
     assert flag.verdict is FaultVerdict.NAMED
@@ -202,7 +197,7 @@ def test_numbers_and_mistakes_of_laws_are_planted_and_named(tmp_path: Path) -> N
         (next(where for where, _ in faults if where.endswith("geom@size")), "1e-3"),
         ("law", "dry friction of joint swing is ignored"),
     ]
-    rows = [mutated_tree(fault) for key in chosen for fault in [faults[key]]]
+    rows = [mutated(fault) for key in chosen for fault in [faults[key]]]
     assert [row.verdict for row in rows] == [FaultVerdict.NAMED] * len(rows)
     assert rows[0].estimate_error == pytest.approx(0, abs=1e-3)
     assert rows[0].kind is FaultKind.LITERAL
@@ -220,9 +215,9 @@ def test_solver_that_stops_early_is_named(tmp_path: Path) -> None:
     task = model_task(prepare_tree(file, states=4), "mujoco")
     laws = trees.sound_laws(task)
     assert laws is not None
-    (mistake,) = (one for one in law_mistakes(task, laws) if one.settings)
-    fault = TreeFault(model=task, mistake=mistake, size=None, first_seen=0, uncertainty=0)
-    row = mutated_tree(fault)
+    (mistake,) = (one for one in law_mistakes(task, laws) if one.edit.settings)
+    fault = PlantedFault(model=task, mistake=mistake)
+    row = mutated(fault)
     assert row.verdict is FaultVerdict.NAMED
     assert row.message.startswith("the solver stops before it converges: error up to")
     assert row.location == "settings.tolerance"

@@ -3,10 +3,10 @@
 import shutil
 from pathlib import Path
 
-from physics_crosscheck.harness.extras.sweep.draws import Design
+from physics_crosscheck.harness.extras.sweep.draws import Design, SweepOptions
 from physics_crosscheck.harness.extras.sweep.factors import factors
 from physics_crosscheck.harness.extras.sweep.main import planned
-from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions
+from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
 from tests.standing import keep_default_engines

@@ -14,7 +14,7 @@ import pytest
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, draws
+from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, SweepOptions, draws
 from physics_crosscheck.harness.extras.sweep.factors import (
     SweepError,
     factor,
@@ -22,7 +22,6 @@ from physics_crosscheck.harness.extras.sweep.factors import (
     matching_factors,
 )
 from physics_crosscheck.harness.extras.sweep.main import planned, run_single, sweep
-from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
 from physics_crosscheck.harness.extras.sweep.store import done, locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.records.diff import Diff, numbers_of
 from physics_crosscheck.harness.results.causes import cause_sentences
 from physics_crosscheck.harness.results.messages import code_lines
 from physics_crosscheck.records import Cause, CauseId, Explanation, Outcome, SourceLine
-from tests.records.made import case, full_run, verdict
+from tests.records.made import case, full_run
 
 
 def cause(
@@ -138,14 +138,6 @@ def test_changed_verdict_is_better_or_worse() -> None:
     )  # fmt: skip
     better = diff_cases(case().id, numbers_of(case(Outcome.FAILED)), numbers_of(case()))
     assert (better.changed[0], better.is_worse) == ("verdict", False)
-
-
-def test_digits_change_by_half_a_digit_and_not_by_rounding() -> None:
-    less = change_of(verdict=verdict(largest_uncertainty=4e-10))
-    assert (less.changed, less.digits, less.is_worse) == (("digits",), (11.3, 9.3), True)
-    assert change_of(verdict=verdict(largest_uncertainty=8e-12)).changed == ()
-    more = change_of(verdict=verdict(largest_uncertainty=4e-14, largest_discrepancy=1e-15))
-    assert (more.changed, more.is_worse) == (("digits",), False)
 
 
 def test_global_error_changes_by_one_percent() -> None:

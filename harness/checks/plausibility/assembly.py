@@ -12,8 +12,7 @@ from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.mechanism.laws import Anchor, SoftEquality
-from physics_crosscheck.reference.mechanism.rotations import Array, from_quaternion
-from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY, Place
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Array, Place, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from .facts import COMPILED, Advice, RobotFacts, solid_hull
 from .hull import Hull

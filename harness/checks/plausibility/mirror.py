@@ -12,8 +12,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
-from physics_crosscheck.reference.mechanism.rotations import Array
-from physics_crosscheck.reference.mechanism.spatial_inertia import Place
+from physics_crosscheck.reference.mechanism.rotations import Array, Place
 from .facts import Advice, RobotFacts, moments, vector_text
 
 MIRROR_MASS, MIRROR_MOMENTS = 0.05, 0.2

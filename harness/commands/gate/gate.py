@@ -345,7 +345,7 @@ def _run(state: Survey, options: Options, progress: Progress) -> Run:
     from physics_crosscheck.harness.run import run
 
     robots = {scan.folder: scan.robot for scan in state.running if scan.robot is not None}
-    selection = Selection(models=state.chosen, snapshot=state.snapshot, diagnose=options.diagnose)
+    selection = Selection(models=state.chosen, snapshot=state.snapshot)
     return run(
         [scan.folder for scan in state.running if scan.folder not in robots],
         replace(options, selection=selection, robots=robots),

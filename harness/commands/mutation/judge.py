@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-
 import msgspec
 import numpy as np
 
 from physics_crosscheck.harness.checks.planar_step import check_planar_step
 from physics_crosscheck.harness.checks.poses import check_poses
+from physics_crosscheck.harness.checks.prepare import PreparedSystem
 from physics_crosscheck.harness.checks.task import SystemTask
 from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
 from physics_crosscheck.harness.diagnosis.task import trial_model
-from physics_crosscheck.harness.diagnosis.trial import scratch
-from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.numerics.full_run import follow
-from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.results.status import percent
 from physics_crosscheck.reference.mechanism.numeric import Array
-from .faults import FAULTS, SIZES
-from .mistakes import Mistake
-from .survey import FaultSurvey
+from .faults import SIZES
+from .survey import FaultSurvey, PlantedFault
 
 RESOLUTION = 1e-9
 """Uncertainty of motions up to which a model can agree."""
@@ -36,71 +28,35 @@ UNCERTAINTY_FACTOR = 10.0
 """Factor of the sound model's uncertainty up to which a model can agree too."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MutationTask:
-    """One model in one engine, with one planted fault.
-
-    Attributes:
-        model: the sound model, as the diagnosis uses it.
-        survey: survey of the sound model.
-        fault: the fault to plant.
-    """
-
-    model: SystemTask
-    survey: FaultSurvey
-    fault: Mistake
-
-    @property
-    def kind(self) -> FaultKind:
-        """Kind of the fault: a literal's, a known mistake, or none."""
-        if self.fault.location in self.survey.addresses and self.fault.name in FAULTS:
-            return FaultKind.LITERAL
-        return FaultKind.NONE if self.fault.sound else FaultKind.MISTAKE
+SystemFault = PlantedFault[PreparedSystem]
+"""A fault in a model of a folder with energies."""
 
 
-def mutated(task: MutationTask) -> Mutation:
-    """Plant a fault in one model, and judge it."""
-    began = time.process_time()
-    with scratch() as copies:
-        sidecar = task.fault.edit.apply(task.model.declared, task.model.engine, copies)
-        try:
-            row = _judged(task, task.model.with_sidecar(sidecar))
-        except (EngineError, BlownUpError) as error:
-            folder = task.model.declared.model.parent
-            row = refused(task, original_paths(str(error), copies, folder))
-    return msgspec.structs.replace(row, seconds=time.process_time() - began)
-
-
-def refused(task: MutationTask, reason: str) -> Mutation:
-    """Build the row of a fault that the engine does not run."""
-    return _row(task, FaultVerdict.REFUSED, float("inf"), reason)
-
-
-def _judged(task: MutationTask, wrong: SystemTask) -> Mutation:
+def judge_motions(task: SystemFault, wrong: SystemTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
-    sound, fault = task.survey, task.fault
-    with trial_model(wrong, _near(task)) as (whole, uncertainty):
+    sound, mistake = task.survey, task.mistake
+    assert sound is not None
+    with trial_model(wrong, _near(task, sound)) as (whole, uncertainty):
         defect = np.abs(whole.defect({}))
         size = float(np.max(defect))
         moved = np.abs(whole.ends - sound.ends) - sound.uncertainty > uncertainty
         resolved = _resolved(uncertainty, sound)
-        if fault.sound and resolved and not moved.any():
-            return _row(task, FaultVerdict.AGREES, size, _global_errors(task.model, wrong))
+        if mistake.sound and resolved and not moved.any():
+            return task.row(FaultVerdict.AGREES, _global_errors(task.model, wrong), size)
         seen = defect > uncertainty
         if seen.any():
             share = float(np.min(uncertainty[seen] / defect[seen]))
-            row = _row(task, FaultVerdict.CAUGHT, size, share=share)
-            ranking = diagnose(whole, uncertainty)
-            return with_ranking(row, ranking, fault.causes, _values(task))
+            row = task.row(FaultVerdict.CAUGHT, "", size, share)
+            return with_ranking(row, diagnose(whole, uncertainty), mistake.causes, task.values)
         if not resolved:
             coarse = f"unresolved, to {np.max(uncertainty):.0e}"
-            return _row(task, FaultVerdict.CAUGHT, size, coarse)
-        row = _in_frames(task, wrong, _row(task, FaultVerdict.UNTESTED, size))
+            return task.row(FaultVerdict.CAUGHT, coarse, size)
+        row = _in_frames(task, wrong, task.row(FaultVerdict.UNTESTED, "", size))
         row = _in_steps(task, wrong, row) if row.verdict is FaultVerdict.UNTESTED else row
         return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNTESTED else row
 
 
-def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
+def _in_frames(task: SystemFault, wrong: SystemTask, row: Mutation) -> Mutation:
     """Build the row of a fault that no motion shows: caught if a body is displaced."""
     model, coordinates = wrong.load()
     n = len(wrong.target.system.q)
@@ -111,7 +67,7 @@ def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation
     if not findings:
         return row
     message = "; ".join(one.message for one in findings)
-    right = bool(task.fault.audit_words) and task.fault.audit_words in message
+    right = bool(task.mistake.audit_words) and task.mistake.audit_words in message
     return msgspec.structs.replace(
         row,
         verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
@@ -120,7 +76,7 @@ def _in_frames(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation
     )
 
 
-def _in_steps(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
+def _in_steps(task: SystemFault, wrong: SystemTask, row: Mutation) -> Mutation:
     """Build the row of a fault that no motion shows: caught if steps with contacts differ."""
     sound, engine = task.model.spec, engines()[wrong.engine]
     check = check_planar_step(sound, wrong.spec, wrong.engine, RESOLUTION)
@@ -135,19 +91,20 @@ def _in_steps(task: MutationTask, wrong: SystemTask, row: Mutation) -> Mutation:
         f"{name} is {present.numbers[name]:g}; the file states {stated.numbers[name]:g}"
         for name in sorted(changed)
     )
+    right = named and named <= task.mistake.causes
     return msgspec.structs.replace(
         row,
-        verdict=FaultVerdict.NAMED if named and named <= task.fault.causes else FaultVerdict.CAUGHT,
+        verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
         message=values or f"whole steps differ in {check.record.component}",
         first_caught=None,
     )
 
 
-def _near(task: MutationTask) -> dict[CauseId, Array] | None:
+def _near(task: SystemFault, survey: FaultSurvey) -> dict[CauseId, Array] | None:
     """Return the sound model's slopes if the fault is so small that they still hold."""
-    if task.fault.name not in SIZES:
+    if task.mistake.name not in SIZES:
         return None
-    slopes = zip(task.survey.addresses, task.survey.slopes, strict=True)
+    slopes = zip(survey.addresses, survey.slopes, strict=True)
     return {CauseId(kind="literal", subject=(address,)): slope for address, slope in slopes}
 
 
@@ -155,36 +112,6 @@ def _resolved(uncertainty: Array, sound: FaultSurvey) -> bool:
     """Return whether the uncertainty of motions is small enough for agreement."""
     allowed = max(RESOLUTION, UNCERTAINTY_FACTOR * float(np.max(sound.uncertainty)))
     return float(np.max(uncertainty)) <= allowed
-
-
-def _row(
-    task: MutationTask,
-    verdict: FaultVerdict,
-    size: float,
-    message: str = "",
-    *,
-    share: float | None = None,
-) -> Mutation:
-    """Build the row of a fault.
-
-    `share` is the detectable share of a known mistake. The survey has those of literals.
-    """
-    model, fault, survey = task.model, task.fault, task.survey
-    if task.kind is FaultKind.LITERAL:
-        share = float(survey.first_caught[survey.addresses.index(fault.location)])
-    return Mutation(
-        system=model.target.system.name,
-        model=model.declared.model.name,
-        engine=model.engine,
-        kind=task.kind,
-        name=fault.name,
-        location=fault.location,
-        verdict=verdict,
-        discrepancy=number(size),
-        message=message,
-        estimate_error=None,
-        first_caught=number(share),
-    )
 
 
 def _unnoticed(row: Mutation, moved: bool) -> Mutation:
@@ -234,16 +161,6 @@ def _estimate_error(row: Mutation, ranking: Ranking, right: float, wrong: float)
             if [(one.kind, one.subject) for one in fit.causes] == [(kind, (row.location,))]:
                 return number(abs(fit.estimates[0] - expected) / abs(wrong - right))
     return None
-
-
-def _values(task: MutationTask) -> tuple[float, float] | None:
-    """Return the right and the wrong value of a literal; None for other faults."""
-    if task.kind is not FaultKind.LITERAL:
-        return None
-    address = task.fault.location
-    literals = bindings(task.model.target.system, task.model.declared)
-    right = next(b.value for b in literals if b.address == address)
-    return right, task.fault.edit.literals[address]
 
 
 def _global_errors(before: SystemTask, after: SystemTask) -> str:

@@ -8,15 +8,21 @@ cause, and its smallest detectable size.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
+import msgspec
+
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
-from physics_crosscheck.harness.checks.task import SystemTask, model_task
+from physics_crosscheck.harness.checks.task import ModelTask, model_task
+from physics_crosscheck.harness.diagnosis.trial import scratch
+from physics_crosscheck.harness.documents.errors import original_paths
+from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
@@ -28,14 +34,40 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     model_path,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.records.mutation import Mutation
-from .judge import MutationTask, mutated, refused
-from .survey import FaultSurvey, MutationError, survey
-from .trees import TreeFault, died, faults_of, mutated_tree
+from physics_crosscheck.harness.records.mutation import FaultVerdict, Mutation
+from .judge import judge_motions
+from .survey import MutationError, PlantedFault, system_faults
+from .trees import judge_bodies, tree_faults
 
 Progress = Callable[[int, int, Mutation | None], None]
 """Called with (faults done, all faults or 0 if unknown, the fault just done)."""
+
+
+def faults_of(task: ModelTask[Any]) -> tuple[PlantedFault[Any], ...]:
+    """Return all faults of a model.
+
+    Raises:
+        MutationError: for a model that is not sound.
+        RobotError, EngineError, BlownUpError: naming the model that cannot run.
+    """
+    return (tree_faults if isinstance(task.target, PreparedTree) else system_faults)(task)
+
+
+def mutated(fault: PlantedFault[Any]) -> Mutation:
+    """Plant one fault in a model, and judge it."""
+    began = time.process_time()
+    judge = judge_bodies if isinstance(fault.model.target, PreparedTree) else judge_motions
+    with scratch() as copies:
+        wrong = fault.mistake.edit.plant(fault.model, copies)
+        try:
+            row = judge(fault, wrong)
+        except (EngineError, BlownUpError) as error:
+            row = fault.row(FaultVerdict.REFUSED, str(error))
+        message = original_paths(row.message, wrong.file.parent, fault.model.file.parent)
+    seconds = time.process_time() - began
+    return msgspec.structs.replace(row, message=message, seconds=seconds)
 
 
 def mutate(
@@ -118,48 +150,28 @@ class _Plan:
             self.pending += 1
             path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
             unsound = partial(self._robot_unsound if standalone else _unsound, path)
-            if isinstance(prepared, PreparedTree):
-                tree = model_task(prepared, engine, sidecar, thorough=self.options.thorough)
-                done = partial(self._tree_faults, path)
-                yield Job(task=Task(faults_of, tree), done=done, failed=unsound)
-            else:
-                task = model_task(prepared, engine, sidecar)
-                yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
+            task = model_task(prepared, engine, sidecar, thorough=self.options.thorough)
+            yield Job(task=Task(faults_of, task), done=partial(self._faults, path), failed=unsound)
 
     def _robot_unsound(self, file: Path, failure: Failure) -> tuple[()]:
         self.pending -= 1
         self.unsound.setdefault(file, []).append(failure.about(file))
         return ()
 
-    def _faults(self, model: SystemTask, survey: FaultSurvey) -> Iterator[Job[Mutation]]:
-        self.pending -= 1
-        for fault in survey.faults:
-            # Sent once for each fault, so drop the other faults.
-            task = MutationTask(model=model, survey=replace(survey, faults=()), fault=fault)
-            yield Job(
-                task=Task(mutated, task),
-                done=partial(self._row, self.planned),
-                failed=partial(self._died, self.planned, task),
-            )
-            self.planned += 1
-
-    def _tree_faults(self, file: Path, faults: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+    def _faults(self, file: Path, faults: tuple[PlantedFault[Any], ...]) -> Iterator[Job[Mutation]]:
         self.sound.add(file)
         self.pending -= 1
         for fault in faults:
             yield Job(
-                task=Task(mutated_tree, fault),
+                task=Task(mutated, fault),
                 done=partial(self._row, self.planned),
-                failed=partial(self._tree_died, self.planned, fault),
+                failed=partial(self._died, self.planned, fault),
             )
             self.planned += 1
 
-    def _tree_died(self, place: int, fault: TreeFault, failure: Failure) -> tuple[()]:
-        return self._row(place, died(fault, failure.reason))
-
-    def _died(self, place: int, task: MutationTask, failure: Failure) -> tuple[()]:
+    def _died(self, place: int, fault: PlantedFault[Any], failure: Failure) -> tuple[()]:
         """Treat an engine that crashes on a number as one that refuses it."""
-        return self._row(place, refused(task, failure.reason))
+        return self._row(place, fault.row(FaultVerdict.REFUSED, failure.reason))
 
     def _pairs(self, place: Path) -> Iterator[tuple[Sidecar | Path, str]]:
         """Yield a robot file, or the chosen models of a folder, with every installed engine."""

@@ -1,14 +1,18 @@
-"""Survey of a sound model before faults are planted."""
+"""Faults to plant, and the survey of a sound folder before that."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Generic
 
 import numpy as np
 
-from physics_crosscheck.harness.checks.task import SystemTask
+from physics_crosscheck.harness.checks.prepare import PreparedSystem
+from physics_crosscheck.harness.checks.task import ModelTask, P, SystemTask
 from physics_crosscheck.harness.diagnosis.task import trial_model
 from physics_crosscheck.harness.modelfiles.bindings import bindings
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.reference.mechanism.numeric import Array
 from .faults import literal_faults
 from .mistakes import Mistake, Subject, known_mistakes
@@ -27,7 +31,6 @@ class FaultSurvey:
         slopes: change of the ends per unit of each literal, (L, N).
         first_caught: smallest detectable relative fault of each literal, (L,); inf: undetectable.
         ends, uncertainty: ends of the sound model and their uncertainty, (N,).
-        faults: all faults to plant.
     """
 
     addresses: tuple[str, ...]
@@ -35,11 +38,59 @@ class FaultSurvey:
     first_caught: Array
     ends: Array
     uncertainty: Array
-    faults: tuple[Mistake, ...]
 
 
-def survey(task: SystemTask) -> FaultSurvey:
-    """Measure the effect of a small change of every literal, and collect the possible faults.
+@dataclass(frozen=True, kw_only=True)
+class PlantedFault(Generic[P]):
+    """A sound model with one wrong number, or one typical mistake.
+
+    Attributes:
+        model: the sound model, at the states of a diagnosis.
+        mistake: what is wrong.
+        values: right and wrong value of a number; None for a mistake.
+        size: relative size of a wrong number of a model of bodies.
+        first_seen: smallest detectable change of the number, as a share of its size; inf:
+            undetectable; 0: unknown; None for a mistake.
+        in_steps: whether whole steps detect a change of that size.
+        uncertainty: relative uncertainty of the ends of a sound model's segments.
+        survey: survey of a sound folder with energies.
+    """
+
+    model: ModelTask[P]
+    mistake: Mistake
+    values: tuple[float, float] | None = None
+    size: float | None = None
+    first_seen: float | None = None
+    in_steps: bool = False
+    uncertainty: float = 0.0
+    survey: FaultSurvey | None = None
+
+    def row(
+        self,
+        verdict: FaultVerdict,
+        message: str = "",
+        size: float | None = None,
+        share: float | None = None,
+    ) -> Mutation:
+        """Return the row of the fault, with the detectable share of a mistake."""
+        sound = FaultKind.NONE if self.mistake.sound else FaultKind.MISTAKE
+        return Mutation(
+            system=self.model.target.record.name,
+            model=self.model.file.name,
+            engine=self.model.engine,
+            kind=sound if self.values is None else FaultKind.LITERAL,
+            name=self.mistake.name,
+            location=self.mistake.location,
+            verdict=verdict,
+            discrepancy=number(size),
+            message=message,
+            estimate_error=None,
+            first_caught=number(share if self.first_seen is None else self.first_seen),
+        )
+
+
+def system_faults(task: SystemTask) -> tuple[PlantedFault[PreparedSystem], ...]:
+    """Return all faults of a model: seven for each bound literal, and known mistakes.
 
     Raises:
         MutationError: for a model that is not sound.
@@ -56,14 +107,26 @@ def survey(task: SystemTask) -> FaultSurvey:
         slopes = replace(whole, hypotheses=bound).slopes({})
         mistakes = known_mistakes(Subject(task, whole.model, whole.coordinates, literals))
     sizes = np.array([abs(b.value) or 1.0 for b in literals])
-    return FaultSurvey(
+    survey = FaultSurvey(
         addresses=tuple(b.address for b in literals),
         slopes=slopes,
         first_caught=_first_caught(np.abs(slopes) * sizes[:, None], uncertainty),
         ends=whole.ends,
         uncertainty=uncertainty,
-        faults=(*literal_faults(literals, whole.model.coordinates), *mistakes),
     )
+    first = dict(zip(survey.addresses, survey.first_caught.tolist(), strict=True))
+    values = {b.address: b.value for b in literals}
+    numbers = (
+        PlantedFault(
+            model=task,
+            mistake=one,
+            values=(values[one.location], one.edit.literals[one.location]),
+            first_seen=first[one.location],
+            survey=survey,
+        )
+        for one in literal_faults(literals, whole.model.coordinates)
+    )
+    return (*numbers, *(PlantedFault(model=task, mistake=one, survey=survey) for one in mistakes))
 
 
 def _first_caught(effects: Array, uncertainty: Array) -> Array:

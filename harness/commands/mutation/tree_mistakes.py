@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import LawProblem
@@ -14,6 +13,7 @@ from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.numbers import ModelFile
 from physics_crosscheck.harness.records.cause import CauseId
+from .mistakes import Edit, Mistake
 
 GRAMS = 1000.0
 """Factor of a mass that is stated in grams."""
@@ -22,29 +22,7 @@ Group = Mapping[int, Number]
 """Numbers of one list, or of one tensor, by index in the file."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TreeMistake:
-    """One mistake.
-
-    Attributes:
-        name: action of the user.
-        location: the numbers, or the setting.
-        values: new values of numbers, by index.
-        settings: settings of the engine.
-        law: the mistake in the laws by which an engine with a known answer steps; with settings,
-            their cause.
-        causes: causes of which a diagnosis may name any.
-    """
-
-    name: str
-    location: str
-    values: Mapping[int, float] = field(default_factory=dict)
-    settings: Mapping[str, object] = field(default_factory=dict)
-    law: str = ""
-    causes: frozenset[CauseId]
-
-
-def tree_mistakes(task: TreeTask, numbers: ModelFile) -> Iterator[TreeMistake]:
+def tree_mistakes(task: TreeTask, numbers: ModelFile) -> Iterator[Mistake]:
     """Yield every mistake that the file has a place for."""
     groups = _groups(numbers)
     for pattern, name, change in _FAMILIES:
@@ -54,7 +32,7 @@ def tree_mistakes(task: TreeTask, numbers: ModelFile) -> Iterator[TreeMistake]:
     yield from _left_on(task, whole=False)
 
 
-def _left_on(task: TreeTask, *, whole: bool) -> Iterator[TreeMistake]:
+def _left_on(task: TreeTask, *, whole: bool) -> Iterator[Mistake]:
     """Yield each default of the engine that is left on; `whole`: one of whole steps."""
     for usual in engines()[task.engine].usual_mistakes:
         if (
@@ -62,39 +40,36 @@ def _left_on(task: TreeTask, *, whole: bool) -> Iterator[TreeMistake]:
             and usual.whole == whole
             and task.spec.settings.get(usual.setting) != usual.value
         ):
-            yield TreeMistake(
+            yield Mistake(
                 name=usual.name,
                 location=f"settings.{usual.setting}",
-                settings={usual.setting: usual.value},
-                law=usual.cause if whole else "",
+                edit=Edit(settings={usual.setting: usual.value}, law=usual.cause if whole else ""),
                 causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
             )
 
 
-def law_mistakes(task: TreeTask, problem: LawProblem) -> Iterator[TreeMistake]:
+def law_mistakes(task: TreeTask, problem: LawProblem) -> Iterator[Mistake]:
     """Yield every other choice of a number, and every mistake in the laws, that has a place."""
     yield from _left_on(task, whole=True)
     for index, others in problem.numbers.law_choices.items():
         address = problem.numbers.numerals[index].address
         for value in others:
-            yield TreeMistake(
+            yield Mistake(
                 name=f"{value} instead",
                 location=address,
-                values={index: value},
+                edit=Edit(numbers={index: value}),
                 causes=frozenset({CauseId(kind="taken", subject=(address,))}),
             )
     for mistake in problem.mistakes:
-        yield TreeMistake(
+        yield Mistake(
             name=mistake.name,
             location="law",
-            law=mistake.name,
+            edit=Edit(law=mistake.name),
             causes=frozenset({CauseId(kind="law", subject=(mistake.name,))}),
         )
 
 
-def _changed(
-    name: str, place: str, group: Group, values: Mapping[int, float]
-) -> Iterator[TreeMistake]:
+def _changed(name: str, place: str, group: Group, values: Mapping[int, float]) -> Iterator[Mistake]:
     """Yield the mistake that gives these values to a list, unless they are the present ones."""
     values = {i: value for i, value in values.items() if value != group[i].value}
     if not values:
@@ -104,7 +79,7 @@ def _changed(
     causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
     if joint := joint_of(group[next(iter(values))].element):
         causes.add(CauseId(kind="axis", subject=(joint,)))
-    yield TreeMistake(name=name, location=place, values=values, causes=frozenset(causes))
+    yield Mistake(name, place, Edit(numbers=values), frozenset(causes))
 
 
 def _groups(numbers: ModelFile) -> dict[str, dict[int, Number]]:

@@ -6,16 +6,15 @@ so only numbers that affect one of them, or the place of a shape, are run.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.prepare import PreparedTree
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import (
     LawProblem,
@@ -28,53 +27,31 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     problem_of,
     ranked,
 )
-from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.documents.elements import Number
-from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile, copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
-from physics_crosscheck.harness.numerics.segments import BlownUpError
-from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
-from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from physics_crosscheck.harness.records.mutation import FaultVerdict, Mutation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
 from .faults import SIZES
 from .judge import with_ranking
-from .survey import MutationError
-from .tree_mistakes import TreeMistake, law_mistakes, tree_mistakes
+from .mistakes import Edit, Mistake
+from .survey import MutationError, PlantedFault
+from .tree_mistakes import law_mistakes, tree_mistakes
 
 SHOWN = 2.0
 """Effect of a fault, relative to the uncertainty, above which it must be caught."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TreeFault:
-    """A sound model with one wrong number, or one typical mistake.
-
-    Attributes:
-        model: the sound model, at the states of a diagnosis.
-        mistake: what is wrong.
-        size: the wrong number's relative size; None for a typical mistake.
-        first_seen: smallest detectable change of the number, as a share of its size; inf:
-            undetectable; 0: unknown.
-        in_steps: whether whole steps detect a change of that size.
-        uncertainty: relative uncertainty of the ends of the sound model's segments.
-    """
-
-    model: TreeTask
-    mistake: TreeMistake
-    size: float | None
-    first_seen: float
-    in_steps: bool = False
-    uncertainty: float
+TreeFault = PlantedFault[PreparedTree]
+"""A fault in a robot file, or in a model of bodies."""
 
 
-def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
+def tree_faults(task: TreeTask) -> tuple[TreeFault, ...]:
     """Return all faults of a model: three for each number that may affect the bodies, and typical
     mistakes.
 
@@ -103,7 +80,8 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
     literals = (
         TreeFault(
             model=task,
-            mistake=_wrong(numbers.numerals[index], index, name, factor - 1),
+            mistake=(mistake := _wrong(numbers.numerals[index], index, name, factor - 1)),
+            values=(numbers.numerals[index].value, mistake.edit.numbers[index]),
             size=factor - 1,
             first_seen=min(seen.get(index, np.inf) for seen in (first, in_steps, placing)),
             in_steps=in_steps.get(index, np.inf) < first.get(index, np.inf),
@@ -116,10 +94,7 @@ def faults_of(task: TreeTask) -> tuple[TreeFault, ...]:
         *tree_mistakes(task, numbers),
         *(law_mistakes(task, laws) if laws is not None else ()),
     ]
-    mistakes = (
-        TreeFault(model=task, mistake=one, size=None, first_seen=0.0, uncertainty=uncertainty)
-        for one in typical
-    )
+    mistakes = (TreeFault(model=task, mistake=one, uncertainty=uncertainty) for one in typical)
     return (*literals, *mistakes)
 
 
@@ -157,14 +132,14 @@ def _sound_laws(key: _LawKey) -> LawProblem | None:
     return laws if agrees else None
 
 
-def _wrong(entry: Number, index: int, name: str, share: float) -> TreeMistake:
+def _wrong(entry: Number, index: int, name: str, share: float) -> Mistake:
     """Return one number that is off by a share of its size."""
     kinds: tuple[CauseKind, ...] = ("literal", "taken")
-    return TreeMistake(
-        name=name,
-        location=entry.address,
-        values={index: entry.value + share * _size(entry)},
-        causes=frozenset(CauseId(kind=kind, subject=(entry.address,)) for kind in kinds),
+    return Mistake(
+        name,
+        entry.address,
+        Edit(numbers={index: entry.value + share * _size(entry)}),
+        frozenset(CauseId(kind=kind, subject=(entry.address,)) for kind in kinds),
     )
 
 
@@ -184,70 +159,49 @@ def _first(slope: Array | None, size: float, uncertainty: float) -> float:
     return uncertainty / effect if effect > EPSILON else np.inf
 
 
-def mutated_tree(fault: TreeFault) -> Mutation:
-    """Plant one fault in a model, and judge it."""
-    began = time.process_time()
-    row = _row(fault, FaultVerdict.UNTESTED)
-    if fault.mistake.law:
-        row = _by_law(fault)
-    elif np.isfinite(fault.first_seen):
-        numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
-        with scratch() as copies:
-            texts = numbers.texts(fault.mistake.values)
-            copy = copy_with_texts(fault.model.file, texts, copies)
-            wrong = fault.model.with_file(copy).with_settings(**fault.mistake.settings)
-            try:
-                row = _judged(fault, numbers, wrong)
-            except (EngineError, BlownUpError) as error:
-                row = _row(fault, FaultVerdict.REFUSED, str(error))
-            message = original_paths(row.message, copy.parent, fault.model.file.parent)
-            row = msgspec.structs.replace(row, message=message)
-    return msgspec.structs.replace(row, seconds=time.process_time() - began)
-
-
-def died(fault: TreeFault, reason: str) -> Mutation:
-    """Build the row of a fault that the engine does not run."""
-    return _row(fault, FaultVerdict.REFUSED, reason)
-
-
-def _judged(fault: TreeFault, numbers: ModelFile, wrong: TreeTask) -> Mutation:
+def judge_bodies(fault: TreeFault, wrong: TreeTask) -> Mutation:
     """Build the row of a fault, from the motions of the wrong model."""
+    if fault.mistake.edit.law:
+        return _by_law(fault)
+    if fault.first_seen == np.inf:
+        return fault.row(FaultVerdict.UNTESTED)
+    numbers = robot_numbers(fault.model.file, fault.model.spec.settings)
     case = run_case(wrong)
     if case.outcome is Outcome.REFUSED:
-        return _row(fault, FaultVerdict.REFUSED, case.reason)
+        return fault.row(FaultVerdict.REFUSED, case.reason)
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is Outcome.UNRESOLVED:  # it does not agree
-        return _row(fault, FaultVerdict.CAUGHT, f"unresolved: {case.reason}", size)
+        return fault.row(FaultVerdict.CAUGHT, f"unresolved: {case.reason}", size)
     if case.outcome is not Outcome.DIFFERS:
         verdict = FaultVerdict.UNTESTED if _is_faint(fault, numbers) else FaultVerdict.MISSED
-        return _row(fault, verdict, f"{case.outcome} {case.reason}".strip(), size)
+        return fault.row(verdict, f"{case.outcome} {case.reason}".strip(), size)
     if case.kind == "pose":
-        return _row(fault, _by_place(fault, numbers, case), case.reason, size)
+        return fault.row(_by_place(fault, numbers, case), case.reason, size)
     if case.kind in ("whole step", "compiled number", "contact"):
-        return _in_steps(fault, numbers, wrong, _row(fault, FaultVerdict.CAUGHT, "", size))
-    if fault.mistake.settings:  # the engine reads a right file otherwise
+        return _in_steps(fault, wrong, fault.row(FaultVerdict.CAUGHT, "", size))
+    if fault.mistake.edit.settings:  # the engine reads a right file otherwise
         diagnosis = diagnose_robot(wrong, is_reference=True)
         causes = diagnosis.explanations[0].causes if diagnosis.explanations else ()
         right = diagnosis.explained and fault.mistake.causes.issuperset(one.id for one in causes)
         verdict = FaultVerdict.NAMED if right else FaultVerdict.CAUGHT
-        return _row(fault, verdict, " and ".join(str(one.id) for one in causes), size)
+        return fault.row(verdict, " and ".join(str(one.id) for one in causes), size)
     try:
         ranking = ranked(wrong, is_reference=False)
     except ReferenceError as error:  # a fault so large that its file has other segments
-        return _row(fault, FaultVerdict.CAUGHT, f"not diagnosed: {error}", size)
-    row = _row(fault, FaultVerdict.CAUGHT, "", size)
-    return with_ranking(row, ranking, fault.mistake.causes, _values(fault, numbers))
+        return fault.row(FaultVerdict.CAUGHT, f"not diagnosed: {error}", size)
+    row = fault.row(FaultVerdict.CAUGHT, "", size)
+    return with_ranking(row, ranking, fault.mistake.causes, fault.values)
 
 
 def _by_place(fault: TreeFault, numbers: ModelFile, case: Case) -> FaultVerdict:
     """Judge a fault that displaces a body or shape: named if a line of its element is."""
     lines = {one.line for one in case.locations}
-    elements = (numbers.numerals[i] for i in fault.mistake.values)
+    elements = (numbers.numerals[i] for i in fault.mistake.edit.numbers)
     named = any(number.line in lines for number in elements)
     return FaultVerdict.NAMED if named else FaultVerdict.CAUGHT
 
 
-def _in_steps(fault: TreeFault, numbers: ModelFile, wrong: TreeTask, row: Mutation) -> Mutation:
+def _in_steps(fault: TreeFault, wrong: TreeTask, row: Mutation) -> Mutation:
     """Add the causes of a fault that whole steps show."""
     laws = sound_laws(fault.model)
     problem = None if laws is None else laws.in_engine(wrong.spec)
@@ -255,41 +209,32 @@ def _in_steps(fault: TreeFault, numbers: ModelFile, wrong: TreeTask, row: Mutati
         problem = law_problem(wrong, None)  # it differs at other states
     if problem is None:
         return row
-    values = _values(fault, numbers)
-    return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, values)
+    return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, fault.values)
 
 
 def _by_law(fault: TreeFault) -> Mutation:
     """Build the row of a mistake in the laws, in an engine that steps by them."""
     laws = sound_laws(fault.model)
     assert laws is not None  # they have the mistake
-    if fault.mistake.settings:
+    if fault.mistake.edit.settings:
         return _unconverged(fault, laws)
-    problem = laws.mistaken(fault.mistake.law)
+    problem = laws.mistaken(fault.mistake.edit.law)
     judged = problem.judge(fault.model.resolution)
     if judged.outcome is Outcome.AGREES:
-        return _row(fault, FaultVerdict.UNTESTED, "no state depends on it")
-    row = _row(fault, FaultVerdict.CAUGHT, "", judged.largest_discrepancy)
+        return fault.row(FaultVerdict.UNTESTED, "no state depends on it")
+    row = fault.row(FaultVerdict.CAUGHT, "", judged.largest_discrepancy)
     return with_ranking(row, diagnose_laws(problem), fault.mistake.causes, None)
 
 
 def _unconverged(fault: TreeFault, laws: LawProblem) -> Mutation:
     """Build the row of settings whose error the engine reports, as a force that is not balanced."""
-    task = fault.model.with_settings(**fault.mistake.settings)
+    task = fault.model.with_settings(**fault.mistake.edit.settings)
     bounds = np.max(laws.in_engine(task.spec).compared.uncertainty, axis=1)
     unresolved = int(np.sum(bounds > task.resolution))
     if not unresolved:
-        return _row(fault, FaultVerdict.UNTESTED, "it converges at each state")
-    words = f"{fault.mistake.law}: error up to {np.max(bounds):.0e} at {unresolved} states"
-    return _row(fault, FaultVerdict.NAMED, words, float(np.max(bounds)))
-
-
-def _values(fault: TreeFault, numbers: ModelFile) -> tuple[float, float] | None:
-    """Return the right and the wrong value of a number; None for a typical mistake."""
-    if fault.size is None:
-        return None
-    ((index, wrong),) = fault.mistake.values.items()
-    return numbers.numerals[index].value, wrong
+        return fault.row(FaultVerdict.UNTESTED, "it converges at each state")
+    words = f"{fault.mistake.edit.law}: error up to {np.max(bounds):.0e} at {unresolved} states"
+    return fault.row(FaultVerdict.NAMED, words, float(np.max(bounds)))
 
 
 def _is_faint(fault: TreeFault, numbers: ModelFile) -> bool:
@@ -298,11 +243,11 @@ def _is_faint(fault: TreeFault, numbers: ModelFile) -> bool:
     The slope decides, or the equations with those values if the effect is quadratic, such as that
     of an axis out of the plane of all motions.
     """
-    if fault.size is not None and fault.size < SHOWN * fault.first_seen:
+    if fault.size and fault.size < SHOWN * (fault.first_seen or 0.0):
         return True
     if fault.in_steps:
         return False
-    tree = numbers.tree(fault.mistake.values)
+    tree = numbers.tree(fault.mistake.edit.numbers)
     if tree is None:
         return False
     try:
@@ -310,21 +255,3 @@ def _is_faint(fault: TreeFault, numbers: ModelFile) -> bool:
     except ReferenceError:
         return False
     return float(np.max(np.abs(effect), initial=0.0)) < SHOWN * fault.uncertainty
-
-
-def _row(
-    fault: TreeFault, verdict: FaultVerdict, message: str = "", size: float | None = None
-) -> Mutation:
-    return Mutation(
-        system=fault.model.target.record.name,
-        model=fault.model.file.name,
-        engine=fault.model.engine,
-        kind=FaultKind.MISTAKE if fault.size is None else FaultKind.LITERAL,
-        name=fault.mistake.name,
-        location=fault.mistake.location,
-        verdict=verdict,
-        discrepancy=number(size),
-        message=message,
-        estimate_error=None,
-        first_caught=None if fault.size is None else number(fault.first_seen),
-    )

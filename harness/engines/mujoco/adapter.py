@@ -18,7 +18,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL
+from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL, sample_mjcf
 from physics_crosscheck.harness.engines.mujoco.mjcf import (
     checked_numbers,
     checked_step,
@@ -222,16 +222,6 @@ step.
 LAW_VERSION = 4
 """Major version whose constraint law is known here; earlier ones mix margins otherwise."""
 
-_SAMPLE = """<mujoco><option timestep="0.004" integrator="{}" jacobian="dense"/>
-<compiler angle="radian"/><worldbody>
-<body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
-<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
-<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1"/>
-<inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
-</worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
-<joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
-"""
-
 
 class MujocoEngine(Engine):
     """Adapter of MuJoCo (Todorov, Erez and Tassa 2012)."""
@@ -396,7 +386,8 @@ class MujocoEngine(Engine):
     def samples(self) -> tuple[Sample, ...]:
         """Return MJCF samples with every order and treatment of damping, and a URDF."""
         names = ("Euler", "implicit", "implicitfast", "RK4")
-        mjcf = (Sample(file=f"{name}.xml", text=_SAMPLE.format(name)) for name in names)
+        options = ' integrator="{}" jacobian="dense"'
+        mjcf = (sample_mjcf(name, options.format(name), armature="") for name in names)
         return (*mjcf, sample_urdf())
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.engines.mjcf_engine import sample_mjcf
 from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
@@ -206,15 +207,6 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "equalities": True,
 })  # fmt: skip
 
-_SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
-<body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
-<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
-<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1"/>
-<inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
-</worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
-<joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
-"""
-
 
 class NewtonEngine(UrdfEngine):
     """Adapter of Newton (Newton Developers 2025), on Warp."""
@@ -253,7 +245,7 @@ class NewtonEngine(UrdfEngine):
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
-        return (sample_urdf(), Sample(file="sample.xml", text=_SAMPLE))
+        return (sample_urdf(), sample_mjcf(armature=""))
 
 
 class NewtonModel(LoadedModel):

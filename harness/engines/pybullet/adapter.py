@@ -624,10 +624,8 @@ class PybulletModel(LoadedModel):
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
 
-    def loaded_stepper(self, *, reload: bool = False) -> BodyStepper:
-        """Return the body, loaded again if `reload`, or if another model has been loaded since."""
-        if reload:
-            self._load()
+    def loaded_stepper(self) -> BodyStepper:
+        """Return the body, loaded again if another model has been loaded since."""
         self._ensure_loaded()
         return self.stepper
 

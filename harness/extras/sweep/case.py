@@ -11,12 +11,12 @@ from functools import lru_cache
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.jobs.failure import Failure, failure_of
+from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
-from .planned import Block, CaseRecord, Planned, blank
+from .planned import Block, CaseRecord, Planned
 from .source import Source
 from .system import Swept
 from .trees import SweptTree
@@ -50,14 +50,14 @@ def run_block(block: Block) -> tuple[SweepRow, ...]:
     """Run some cases; one that can't run is FAILED, with its reason."""
     source = swept(block.folder, block.varied, block.content)
     # Prepare shared data first, so that no row's time includes it.
-    for example_case in {(case.model, case.engine): case for case in block.cases}.values():
-        source.prepare(example_case.model, example_case.engine)
+    for example_case in {(case.row.model, case.row.engine): case for case in block.cases}:
+        source.prepare(*example_case)
     return tuple(_row(source, block, case) for case in block.cases)
 
 
 def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     began = time.process_time()
-    record = CaseRecord(blank(block, case, Failure("", "")))
+    record = CaseRecord(case.row)
     with tempfile.TemporaryDirectory(prefix="drawn-") as place:
         try:
             source.run(case, block, Path(place), record)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.reference.mechanism.numeric import Array
 from .factors import Factor, SweepError
 
@@ -31,6 +32,29 @@ class Design(StrEnum):
     RANDOM = "random"
     ALL = "all"
     """Design with every combination of listed values, used without a number of draws."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions(Options):
+    """Options of a sweep, which has the engines, limits and resolution of a run.
+
+    Attributes:
+        factors: varied constants.
+        design, count, seed: draws.
+        steps: time steps, seconds; empty: each model's own.
+        integrators, scenarios: names; empty: each model's own, all.
+        command: words of the command line, without `--only`.
+    """
+
+    factors: tuple[Factor, ...] = ()
+    design: Design = Design.LATIN
+    count: int | None = None
+    seed: int = 0
+    steps: tuple[float, ...] = ()
+    integrators: tuple[str, ...] = ()
+    scenarios: tuple[str, ...] = ()
+    jobs: int = 2
+    command: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,12 +50,12 @@ from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep, row_lines
 from .case import run_block
-from .draws import Design
+from .draws import Design, SweepOptions
 from .factors import SweepError, factors
-from .plan import CasePlan, SweepOptions, plan
+from .plan import CasePlan, plan
 from .planned import Block, blank
 from .store import RowsError, Store, arrow, begin, done, kept, locked_rows, plan_of, read_rows
-from .survey import SourceSurvey, SurveyTask, survey
+from .survey import SourceSurvey, survey
 
 
 class LargestRows:
@@ -204,16 +204,7 @@ def planned(options: SweepOptions, places: Sequence[Path], workers: Executor) ->
     surveys: dict[str, SourceSurvey] = {}
 
     def job(place: Path) -> Job[SourceSurvey]:
-        models = options.choice.models.get(str(place), ())
-        task = SurveyTask(
-            folder=str(place),
-            content=content_of(place),
-            factors=options.factors,
-            only=options.engines,
-            models=tuple((one.model, one.engine) for one in models),
-            scenarios=options.scenarios,
-            integrators=options.integrators,
-        )
+        surveying = partial(survey, content=content_of(place), options=options)
 
         def surveyed(value: SourceSurvey) -> tuple[()]:
             surveys[str(place)] = value
@@ -222,7 +213,7 @@ def planned(options: SweepOptions, places: Sequence[Path], workers: Executor) ->
         def failed(failure: Failure) -> tuple[()]:
             raise SweepError(failure.about(place if place.is_file() else place / "system.py"))
 
-        return Job(task=Task(survey, task), done=surveyed, failed=failed)
+        return Job(task=Task(surveying, str(place)), done=surveyed, failed=failed)
 
     run_jobs(map(job, places), workers)
     return plan(options, [surveys[str(place)] for place in places])
@@ -325,7 +316,7 @@ class _Running:
 
     def _lost(self, block: Block, failure: Failure) -> Iterator[Job[Any]]:
         if len(block.cases) == 1:
-            return self._store_rows((blank(block, block.cases[0], failure),))
+            return self._store_rows((blank(block.cases[0], failure),))
         return map(self.job, block.single_blocks())
 
 
@@ -362,7 +353,7 @@ def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
     block = whole.block_of(index)
     outcome = workers.outcome(workers.submit(run_block, block))
     if isinstance(outcome, Failure):
-        return blank(block, block.cases[0], outcome)
+        return blank(block.cases[0], outcome)
     return outcome[0]
 
 

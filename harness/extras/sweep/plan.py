@@ -11,8 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from physics_crosscheck.harness.planning.options import Options
-from .draws import Design, Draws, draws
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from .draws import Draws, SweepOptions, draws
 from .factors import Factor, SweepError, matching_factors
 from .planned import Block, Planned
 from .survey import Pairing, SourceSurvey
@@ -22,29 +23,6 @@ MAX_LISTED, SIMILAR_LISTED = 24, 4
 
 BLOCK = 16
 """Approximate number of cases per worker task; larger groups of a draw and scenario are split."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepOptions(Options):
-    """Options of a sweep, which has the engines, limits and resolution of a run.
-
-    Attributes:
-        factors: varied constants.
-        design, count, seed: draws.
-        steps: time steps, seconds; empty: each model's own.
-        integrators, scenarios: names; empty: each model's own, all.
-        command: words of the command line, without `--only`.
-    """
-
-    factors: tuple[Factor, ...] = ()
-    design: Design = Design.LATIN
-    count: int | None = None
-    seed: int = 0
-    steps: tuple[float, ...] = ()
-    integrators: tuple[str, ...] = ()
-    scenarios: tuple[str, ...] = ()
-    jobs: int = 2
-    command: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +122,6 @@ class CasePlan:
         return Block(
             folder=part.survey.folder,
             content=part.survey.content,
-            system=part.survey.system,
             varied=frozenset(one.name for one in part.draws.factors),
             resolution=self.options.resolution,
             thorough=self.options.thorough,
@@ -154,18 +131,20 @@ class CasePlan:
     def _case(self, part: FolderPlan, number: int) -> Planned:
         draw, scenario, pairing, step = part.place(number)
         index = part.first + number
-        return Planned(
+        row = SweepRow(
             index=index,
             draw=draw,
+            system=part.survey.system,
             constants=part.draws.point_at(draw),
             model=pairing.model,
             engine=pairing.engine,
             scenario=scenario,
             integrator=pairing.integrator,
-            settings=pairing.settings,
             step=step,
+            outcome=Outcome.FAILED,
             command=shlex.join([*self.options.command, "--only", str(index)]),
         )
+        return Planned(row=row, settings=pairing.settings)
 
 
 def plan(options: SweepOptions, surveys: Sequence[SourceSurvey]) -> CasePlan:

@@ -17,11 +17,9 @@ from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     Force,
     LoadedModel,
-    StepRule,
 )
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.base import number
-from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 
 
@@ -30,25 +28,12 @@ class Planned:
     """A planned case.
 
     Attributes:
-        index: its number.
-        draw: number of its draw.
-        constants: values of varied constants, by name.
-        model, engine, scenario, integrator: names of the case.
+        row: its row before it runs; without a step, the model has its own.
         settings: settings that select its integrator.
-        step: time step, seconds; None: the model's own.
-        command: command that runs it alone.
     """
 
-    index: int
-    draw: int
-    constants: Mapping[str, float]
-    model: str
-    engine: str
-    scenario: str
-    integrator: str
+    row: SweepRow
     settings: Mapping[str, Any]
-    step: float | None
-    command: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +43,6 @@ class Block:
     Attributes:
         folder: folder of the system, or the robot file.
         content: hash of its content.
-        system: its name.
         varied: names of all varied constants.
         resolution: smallest relative discrepancy to detect.
         thorough: whether segments decide even where single steps suffice.
@@ -67,7 +51,6 @@ class Block:
 
     folder: str
     content: str
-    system: str
     varied: frozenset[str]
     resolution: float
     thorough: bool
@@ -78,23 +61,9 @@ class Block:
         return (replace(self, cases=(case,)) for case in self.cases)
 
 
-def blank(block: Block, case: Planned, failure: Failure) -> SweepRow:
+def blank(case: Planned, failure: Failure) -> SweepRow:
     """Return the row of a case that could not run."""
-    return SweepRow(
-        index=case.index,
-        draw=case.draw,
-        system=block.system,
-        model=case.model,
-        engine=case.engine,
-        scenario=case.scenario,
-        integrator=case.integrator,
-        step=number(case.step),
-        constants=dict(case.constants),
-        outcome=Outcome.FAILED,
-        reason=failure.reason,
-        kind=failure.kind,
-        command=case.command,
-    )
+    return msgspec.structs.replace(case.row, reason=failure.reason, kind=failure.kind)
 
 
 class CaseRecord:
@@ -131,12 +100,12 @@ class CaseRecord:
             self.update(**{field: time.process_time() - began})
 
     @contextmanager
-    def stepping(self, model: Timed) -> Iterator[None]:
+    def stepping(self, clock: StepClock) -> Iterator[None]:
         """Record steps and time of the engine, however the block ends."""
         try:
             yield
         finally:
-            self.update(engine_seconds=model.seconds, steps=model.steps)
+            self.update(engine_seconds=clock.seconds, steps=clock.steps)
 
     def check_step(self, model: LoadedModel, case: Planned) -> None:
         """Set the model's time step.
@@ -145,10 +114,11 @@ class CaseRecord:
             EngineError: if another step was requested.
         """
         self.update(step=number(model.step))
-        if case.step is not None and model.step != case.step:
+        wanted = case.row.step
+        if wanted is not None and model.step != wanted:
             raise EngineError(
-                f"{case.model}: {case.engine} steps it by {model.step:g} s, where"
-                f" {case.step:g} s is asked for"
+                f"{case.row.model}: {case.row.engine} steps it by {model.step:g} s, where"
+                f" {wanted:g} s is asked for"
             )
 
 
@@ -160,49 +130,20 @@ def _digits(verdict: CaseJudgement) -> float:
     return -math.log10(worst) if worst > 0 else 17.0
 
 
-class Timed(LoadedModel):
-    """A model that counts and times its steps."""
+class StepClock:
+    """Processor time and number of the steps that a model takes from now on."""
 
     def __init__(self, model: LoadedModel) -> None:
-        self._model = model
         self.seconds, self.steps = 0.0, 0
-        self.coordinates, self.step = model.coordinates, model.step
-        self.integrator, self.gravity = model.integrator, model.gravity
-        self.epsilon = model.epsilon
+        rollout = model.rollout
 
-    def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Return the model's exponents."""
-        return self._model.exponents(varying_input)
+        def timed(
+            q: Array, v: Array, h: float, n: int, force: Force, every: int
+        ) -> tuple[Array, Array]:
+            began = time.process_time()
+            states = rollout(q, v, h, n, force, every)
+            self.seconds += time.process_time() - began
+            self.steps += n * len(q)
+            return states
 
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        """Run the model, timed and counted."""
-        began = time.process_time()
-        states = self._model.rollout(q, v, h, n, force, every)
-        self.seconds += time.process_time() - began
-        self.steps += n * len(q)
-        return states
-
-    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """Return the model's accelerations."""
-        return self._model.accelerations(z, w, force)
-
-    def equality_errors(self, z: Array) -> Array | None:
-        """Return the model's distance from its equalities."""
-        return self._model.equality_errors(z)
-
-    @property
-    def step_rule(self) -> StepRule | None:
-        """The model's rule."""
-        return self._model.step_rule
-
-    @property
-    def integrators(self) -> Mapping[str, Mapping[str, object]]:
-        """The model's other integrators."""
-        return self._model.integrators
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings of the model."""
-        return self._model.warnings
+        model.rollout = timed  # type: ignore[method-assign]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.registry import engines, engines_reading, engines_to_run
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -43,10 +43,23 @@ Integrators = tuple[str, Mapping[str, Mapping[str, object]]]
 
 
 class Source(ABC):
-    """Models with numbers that can be varied."""
+    """Models with numbers that can be varied.
+
+    Args:
+        place: a system folder, or a robot file.
+    """
 
     signed: bool
     """True if constants keep their declared signs."""
+
+    def __init__(self, place: Path) -> None:
+        self._place = place
+        self._sidecars: Mapping[str, Sidecar | UnreadModel] = {}
+        if place.is_dir():
+            self._sidecars = {
+                one.model if isinstance(one, UnreadModel) else one.model.name: one
+                for one in model_files(place)
+            }
 
     @property
     @abstractmethod
@@ -67,7 +80,6 @@ class Source(ABC):
     def scenarios(self) -> tuple[str, ...]:
         """Names of the scenarios."""
 
-    @abstractmethod
     def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
         """Yield each model with each engine that runs it, installed or not.
 
@@ -75,8 +87,29 @@ class Source(ABC):
             only: engines; empty: the default ones.
 
         Raises:
-            SidecarError: if a model can't be read.
+            SidecarError: if a model can't be read, or names an unknown engine.
         """
+        if self._place.is_file():
+            for adapter in (engines_reading if only else engines_to_run)(self._place.suffix):
+                if not only or adapter.name in only:
+                    yield self._place.name, adapter.name
+        for name in self._sidecars:
+            sidecar = self.sidecar(name)
+            for engine in chosen_engines(sidecar, only):
+                if engine not in engines():
+                    raise SidecarError(f"{sidecar.model}.toml: no engine {engine!r} is known")
+                yield name, engine
+
+    def sidecar(self, model: str) -> Sidecar:
+        """Return the sidecar of a folder's model.
+
+        Raises:
+            SidecarError: if the model can't be read.
+        """
+        sidecar = self._sidecars[model]
+        if isinstance(sidecar, UnreadModel):
+            raise SidecarError(sidecar.reason)
+        return sidecar
 
     def follows(self, model: str, engine: str) -> bool:
         """Return whether a model has any of the varied constants, if there are any."""
@@ -103,28 +136,3 @@ class Source(ABC):
         Raises:
             Exception: of any kind, with the reason why it can't run.
         """
-
-
-def declared_runs(
-    sidecars: Mapping[str, Sidecar | UnreadModel], only: Sequence[str]
-) -> Iterator[tuple[str, str]]:
-    """Yield every model of a folder with every engine of its sidecar.
-
-    Raises:
-        SidecarError: if a model can't be read, or names an unknown engine.
-    """
-    for sidecar in sidecars.values():
-        if isinstance(sidecar, UnreadModel):
-            raise SidecarError(sidecar.reason)
-        for engine in chosen_engines(sidecar, only):
-            if engine not in engines():
-                raise SidecarError(f"{sidecar.model}.toml: no engine {engine!r} is known")
-            yield sidecar.model.name, engine
-
-
-def sidecars_of(folder: Path) -> Mapping[str, Sidecar | UnreadModel]:
-    """Return the sidecars of a folder by the names of their model files."""
-    return {
-        one.model.name if isinstance(one, Sidecar) else one.model: one
-        for one in model_files(folder)
-    }

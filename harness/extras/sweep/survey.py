@@ -10,30 +10,9 @@ from typing import Any
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from .case import swept
-from .factors import Factor, matching_factors
+from .draws import SweepOptions
+from .factors import matching_factors
 from .source import Source
-
-
-@dataclass(frozen=True, kw_only=True)
-class SurveyTask:
-    """A task to survey a folder.
-
-    Attributes:
-        folder: folder of the system, or the robot file.
-        content: hash of its content.
-        factors: varied constants.
-        only: engines; empty: all.
-        models: files, each with its engine, "" for all; empty: all.
-        scenarios, integrators: names; empty: all scenarios, each model's own integrator.
-    """
-
-    folder: str
-    content: str
-    factors: tuple[Factor, ...]
-    only: tuple[str, ...] = ()
-    models: tuple[tuple[str, str], ...] = ()
-    scenarios: tuple[str, ...] = ()
-    integrators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,34 +72,39 @@ class SourceSurvey:
         return (*absent, *without, *fixed)
 
 
-def survey(task: SurveyTask) -> SourceSurvey:
+def survey(folder: str, *, content: str, options: SweepOptions) -> SourceSurvey:
     """Load a folder and its models once, in a worker, since a declaration is a program.
+
+    Args:
+        folder: folder of the system, or the robot file.
+        content: hash of its content.
+        options: factors, and the selected models, engines, scenarios and integrators.
 
     Raises:
         DeclarationError, SidecarError, LocationError, EngineError, RobotError, SweepError: giving
             the problem, the place and the remedy, also for a model that can't follow a varied
             constant.
     """
-    with record_reads(Path(task.folder)) as seen:
-        constants = swept(task.folder, frozenset(), task.content).constants
-        varied = frozenset(one.name for one in matching_factors(task.factors, constants))
-        source = swept(task.folder, varied, task.content)
-        named = [one for one in source.runs(task.only) if _is_selected(task, *one)]
+    with record_reads(Path(folder)) as seen:
+        constants = swept(folder, frozenset(), content).constants
+        varied = frozenset(one.name for one in matching_factors(options.factors, constants))
+        source = swept(folder, varied, content)
+        named = [one for one in source.runs(options.engines) if _is_selected(options, folder, *one)]
         runs = [one for one in named if source.follows(*one)]
         absent = {name for _, name in runs if engines()[name].version() is None}
-        pairings = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
-    kept = tuple(one for one in pairings if _wanted(one.integrator, task.integrators))
+        pairings = list(_pairings(options, source, [one for one in runs if one[1] not in absent]))
+    kept = tuple(one for one in pairings if _wanted(one.integrator, options.integrators))
     every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in pairings)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return SourceSurvey(
-        folder=task.folder,
-        content=task.content,
-        reads=_with_earlier(task, seen.states),
+        folder=folder,
+        content=content,
+        reads=_with_earlier(folder, content, seen.states),
         system=source.name,
         constants=source.constants,
         signed=source.signed,
         scenarios=tuple(
-            name for name in source.scenarios if not task.scenarios or name in task.scenarios
+            name for name in source.scenarios if not options.scenarios or name in options.scenarios
         ),
         known_scenarios=tuple(sorted(source.scenarios)),
         pairings=kept,
@@ -137,23 +121,23 @@ _READS: dict[tuple[str, str], dict[str, str]] = {}
 """Files that were read for a folder's content; a worker reads each once."""
 
 
-def _with_earlier(task: SurveyTask, reads: Mapping[str, str]) -> Mapping[str, str]:
+def _with_earlier(folder: str, content: str, reads: Mapping[str, str]) -> Mapping[str, str]:
     """Merge the files read by a survey with those of earlier surveys in this worker."""
-    if Path(task.folder).is_file():  # the content of a robot file covers all files that it names
+    if Path(folder).is_file():  # the content of a robot file covers all files that it names
         return {}
-    key = task.folder, task.content
+    key = folder, content
     _READS[key] = {**_READS.get(key, {}), **reads}
     return _READS[key]
 
 
 def _pairings(
-    task: SurveyTask, source: Source, runs: Iterable[tuple[str, str]]
+    options: SweepOptions, source: Source, runs: Iterable[tuple[str, str]]
 ) -> Iterator[Pairing]:
     """Yield each model in each selected engine, with each of its integrators."""
     for model, engine in runs:
         own_integrator, others = source.prepare(model, engine)
         yield Pairing(model=model, engine=engine, integrator=own_integrator, settings={})
-        if not task.integrators:
+        if not options.integrators:
             continue
         for other, settings in others.items():
             yield Pairing(model=model, engine=engine, integrator=other, settings=dict(settings))
@@ -163,7 +147,6 @@ def _wanted(integrator: str, wanted: tuple[str, ...]) -> bool:
     return not wanted or integrator.casefold() in {name.casefold() for name in wanted}
 
 
-def _is_selected(task: SurveyTask, model: str, engine: str) -> bool:
-    return not task.models or any(
-        model == name and one in ("", engine) for name, one in task.models
-    )
+def _is_selected(options: SweepOptions, folder: str, model: str, engine: str) -> bool:
+    models = options.choice.models.get(folder, ())
+    return not models or any(one.model == model and one.engine in ("", engine) for one in models)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,8 +32,7 @@ from physics_crosscheck.harness.modelfiles.bindings import (
     ParametricModelFile,
     parametric_model_file,
 )
-from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
-from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.convergence import largest
 from physics_crosscheck.harness.numerics.coordinates import (
     CoordinateFamily,
@@ -56,8 +55,8 @@ from physics_crosscheck.reference.solving.next_state import (
 )
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
-from .planned import Block, CaseRecord, Planned, Timed
-from .source import Integrators, RecentValues, Source, declared_runs, sidecars_of
+from .planned import Block, CaseRecord, Planned, StepClock
+from .source import Integrators, RecentValues, Source
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,6 @@ class Swept(Source):
     """A system folder, and the data that its cases share.
 
     Attributes:
-        folder: its path.
         varied: names of the varied constants.
         system: the declared system.
         family: its equations, for any constants.
@@ -90,12 +88,12 @@ class Swept(Source):
     signed = True  # the equations are simplified with the sign
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.varied = folder, frozenset[str]()
+        super().__init__(folder)
+        self.varied = frozenset[str]()
         self.system: System = load_system(folder)
         self.family = Family.compile(derive(self.system))
         self._models: dict[tuple[str, str], PreparedModel] = {}
         self._motions = RecentValues[Motion]()
-        self._sidecars = sidecars_of(folder)
 
     def varying(self, varied: frozenset[str]) -> Swept:
         """Return the folder with other varied constants in its models; the equations are shared."""
@@ -131,10 +129,6 @@ class Swept(Source):
         """Names of the scenarios."""
         return tuple(one.name for one in self.system.scenarios)
 
-    def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Yield every model with every engine of its sidecar."""
-        return declared_runs(self._sidecars, only)
-
     def prepare(self, model: str, engine: str) -> Integrators:
         """Load the unchanged model, find its literals, and compile coordinates and scales."""
         _ = self.declared_motions
@@ -148,9 +142,7 @@ class Swept(Source):
             SidecarError, LocationError, EngineError: naming file, place and remedy.
         """
         if (name, engine) not in self._models:
-            sidecar = self._sidecars[name]
-            if isinstance(sidecar, UnreadModel):
-                raise SidecarError(sidecar.reason)
+            sidecar = self.sidecar(name)
             loaded = engines()[engine].load(sidecar.spec(engine))
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
@@ -159,10 +151,6 @@ class Swept(Source):
                 model_file, coordinates, loaded.integrator, loaded.integrators
             )
         return self._models[name, engine]
-
-    def equations(self, constants: Mapping[str, float]) -> DrawnEquations:
-        """Return the equations at drawn constants."""
-        return self.family.with_constants(constants)
 
     def motion(self, draw: int, equations: DrawnEquations, scenario: str) -> Motion:
         """Return the reference motion of a scenario in a draw.
@@ -190,18 +178,19 @@ class Swept(Source):
 
     def run(self, case: Planned, block: Block, place: Path, record: CaseRecord) -> None:
         """Judge the drawn motion, and run it once at the time step."""
-        equations = self.equations(case.constants)
+        row = case.row
+        equations = self.family.with_constants(row.constants)
         with record.timing("reference_seconds"):
-            motion = self.motion(case.draw, equations, case.scenario)
-        prepared = self.model(case.model, case.engine)
+            motion = self.motion(row.draw, equations, row.scenario)
+        prepared = self.model(row.model, row.engine)
         constants = {c.name: c.value for c in equations.system.constants}
         with record.timing("loading_seconds"):
             sidecar = prepared.model_file.write(constants, place)
-            model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
+            model = loaded(sidecar, row.engine, row.step, case.settings)
         record.check_step(model, case)
         if why := why_no_run(motion.duration, model.step):
-            raise StepError(f"{case.model}: {why}")
-        with record.stepping(model):
+            raise StepError(f"{row.model}: {why}")
+        with record.stepping(StepClock(model)):
             coordinates = prepared.coordinates.with_constants(equations.values)
             loaded_model = model, coordinates
             steps = None
@@ -254,7 +243,7 @@ class Swept(Source):
         coordinates: CoordinateMap,
         resolution: float,
     ) -> CaseJudgement:
-        others = [m for name, m in self.declared_motions.items() if name != case.scenario]
+        others = [m for name, m in self.declared_motions.items() if name != case.row.scenario]
         segments = replace(motion, scale=component_scale(motion, others))
         return judged(
             extrapolate(model, coordinates, segments, resolution=resolution),
@@ -279,7 +268,7 @@ class Swept(Source):
         record.update(global_error=number(error))
         why, kind = failure(run, error, motion)
         if why:
-            message = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
+            message = "; the engine warns: ".join((f"{case.row.model}: {why}", *model.warnings))
             record.update(outcome=Outcome.FAILED, reason=message, kind=kind)
 
 

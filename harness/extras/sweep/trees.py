@@ -6,7 +6,7 @@ changes in the tree. The reference states of a draw are computed from those of t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -18,9 +18,7 @@ from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
-from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
 from physics_crosscheck.harness.modelfiles.folders import FORMATS
-from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.numbers import ModelFile, copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
@@ -32,8 +30,8 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.samples import solved
-from .planned import Block, CaseRecord, Planned, Timed
-from .source import Integrators, RecentValues, Source, declared_runs, sidecars_of
+from .planned import Block, CaseRecord, Planned, StepClock
+from .source import Integrators, RecentValues, Source
 
 _READ = ("floating", "held", "controls", "model", "gravity")
 """Settings that decide how a file is read, apart from the engine that runs it."""
@@ -165,12 +163,10 @@ class SweptTree(Source):
     signed = False
 
     def __init__(self, place: Path) -> None:
+        super().__init__(place)
         prepared = prepare(place)
         assert isinstance(prepared, PreparedTree)
         self._prepared = prepared
-        self._sidecars: Mapping[str, Sidecar | UnreadModel] = {}
-        if place.is_dir():
-            self._sidecars = sidecars_of(place)
         self._files: dict[tuple[str, str], _FileNumbers] = {}
         self._integrators: dict[tuple[str, str], Integrators] = {}
         self._varied = frozenset[str]()
@@ -211,16 +207,6 @@ class SweptTree(Source):
         """Names of its states."""
         return (self._prepared.scenario,)
 
-    def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
-        """Yield each file with every engine that runs it, or with the selected engines."""
-        place = self._prepared.place
-        if place.is_dir():
-            yield from declared_runs(self._sidecars, only)
-            return
-        for engine in (engines_reading if only else engines_to_run)(place.suffix):
-            if not only or engine.name in only:
-                yield place.name, engine.name
-
     def follows(self, model: str, engine: str) -> bool:
         """Return whether the file has any of the varied numbers."""
         return not self._varied or bool(self._varied & self._file(model, engine).index.keys())
@@ -239,38 +225,35 @@ class SweptTree(Source):
 
         A few coarse steps of a tree cost less than its equations at the states of single steps.
         """
-        file = self._file(case.model, case.engine)
-        constants = {name: v for name, v in case.constants.items() if name in file.index}
+        row = case.row
+        file = self._file(row.model, row.engine)
+        constants = {name: v for name, v in row.constants.items() if name in file.index}
         record.update(constants=constants)
         values = {file.index[name]: value for name, value in constants.items()}
         with record.timing("reference_seconds"):
             target = file.drawn(values)
-        task = self._task(case.model, case.engine).with_settings(**case.settings)
+        task = self._task(row.model, row.engine).with_settings(**case.settings)
         task = replace(task, target=target, resolution=block.resolution)
         if values and file.numbers is not None:
             task = task.with_file(copy_with_texts(task.file, file.numbers.texts(values), place))
         with record.timing("loading_seconds"):
-            loaded, coordinates = task.load()
-            model = Timed(loaded)
+            model, coordinates = task.load()
         record.check_step(model, case)
-        with record.stepping(model):
+        with record.stepping(StepClock(model)):
             verdict = judge(task, (model, coordinates))
         if verdict.outcome is Outcome.UNRESOLVED:
             verdict = judge(task)
         record.set_verdict(verdict)
 
     def _task(self, model: str, engine: str) -> TreeTask:
-        return model_task(self._prepared, engine, self._sidecar(model))
+        return model_task(self._prepared, engine, self._declared(model))
 
-    def _sidecar(self, model: str) -> Sidecar | None:
-        sidecar = self._sidecars.get(model)
-        if isinstance(sidecar, UnreadModel):
-            raise SidecarError(sidecar.reason)
-        return sidecar
+    def _declared(self, model: str) -> Sidecar | None:
+        return self.sidecar(model) if self._sidecars else None
 
     def _file(self, model: str, engine: str) -> _FileNumbers:
         """Return the numbers of a file, which engines share that read it alike."""
-        sidecar, declared = self._sidecar(model), self._prepared
+        sidecar, declared = self._declared(model), self._prepared
         settings = declared.settings if sidecar is None else sidecar.spec(engine).settings
         read = {name: settings[name] for name in _READ if name in settings}
         key = model, repr(read)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from .completion import engine_names, systems_and_files
 from .help import ARGUMENTS, Option, group, option
+
+T = TypeVar("T", float, int)
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""
@@ -164,82 +168,42 @@ def limits_of(options: argparse.Namespace) -> Limits:
     return Limits(seconds=options.limit, memory=options.memory)
 
 
-def positive(text: str) -> int:
-    """Return a whole number above zero.
+def _reader(
+    kind: Callable[[str], T], expected: str, valid: Callable[[float], bool]
+) -> Callable[[str], T]:
+    """Return a function that reads a number, and raises argparse's error for an invalid one."""
 
-    Raises:
-        ArgumentTypeError: for anything else.
-    """
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if value < 1:
-        raise _must_be("a whole number above 0", text)
-    return value
+    def read(text: str) -> T:
+        with contextlib.suppress(ValueError):
+            if valid(value := kind(text)):
+                return value
+        raise argparse.ArgumentTypeError(f"must be {expected}, not {text or 'empty'}")
+
+    return read
 
 
-def resolution(text: str) -> float:
-    """Return a resolution that double precision can serve.
+positive = _reader(int, "a whole number above 0", lambda value: value >= 1)
+seconds = _reader(float, "a number of seconds above 0 and below 1e6", lambda value: 0 < value < 1e6)
+memory = _reader(float, "at least 0.5 GiB and below 1e6 GiB", lambda value: 0.5 <= value < 1e6)
 
-    Raises:
-        ArgumentTypeError: for anything else.
-    """
+
+def _resolvable(value: float) -> bool:
     # Imported here: help alone needs no records.
     from physics_crosscheck.harness.planning.options import resolvable
 
-    value = _number(text)
-    if value is None or not resolvable(value):
-        raise _must_be("a number between 1e-13 and 1e-2", text)
-    return value
+    return resolvable(value)
 
 
-def seconds(text: str) -> float:
-    """Return a time in seconds, above zero.
-
-    Raises:
-        ArgumentTypeError: for anything else.
-    """
-    value = _number(text)
-    if value is None or not 0 < value < 1e6:
-        raise _must_be("a number of seconds above 0 and below 1e6", text)
-    return value
+resolution = _reader(float, "a number between 1e-13 and 1e-2", _resolvable)
 
 
-def memory(text: str) -> float:
-    """Return a memory limit in GiB that is enough for Python and an engine.
-
-    Raises:
-        ArgumentTypeError: for anything else.
-    """
-    value = _number(text)
-    if value is None or not 0.5 <= value < 1e6:
-        raise _must_be("at least 0.5 GiB and below 1e6 GiB", text)
-    return value
+def _as_share(text: str) -> float:
+    return float(text.rstrip("% ")) / (100 if text.rstrip().endswith("%") else 1)
 
 
-def share(text: str) -> float:
-    """Return a share such as `1%` or 0.01, above zero and below one.
-
-    Raises:
-        ArgumentTypeError: for anything else.
-    """
-    value = _number(text.rstrip("% "))
-    value = value / 100 if value is not None and text.rstrip().endswith("%") else value
-    if value is None or not 0 < value < 1:
-        raise _must_be("a share above 0 and below 1, such as 1% or 0.01", text)
-    return value
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _must_be(expected: str, text: str) -> argparse.ArgumentTypeError:
-    return argparse.ArgumentTypeError(f"must be {expected}, not {text or 'empty'}")
+share = _reader(
+    _as_share, "a share above 0 and below 1, such as 1% or 0.01", lambda value: 0 < value < 1
+)
 
 
 ENGINE = option(

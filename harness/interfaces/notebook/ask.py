@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +21,7 @@ from physics_crosscheck.harness.modelfiles.parts import part_digests
 from physics_crosscheck.reference.mechanism.numeric import Array
 from . import motions
 from .columns import Columns
-from .motions import MotionRequest, Simulated, Solved, is_number, start_from
+from .motions import MotionRequest, Solved, is_number, start_from
 from .subject import Name, NotebookSubject, engine_for, model_named, system_named
 from .trajectory import MotionError, Trajectory
 
@@ -32,7 +33,6 @@ KEPT = 16
 
 LIMITS = Limits(options="a notebook's ")
 
-T = TypeVar("T")
 V = TypeVar("V")
 
 
@@ -69,8 +69,8 @@ def simulate(
     request = _motion_request(subject, scenario, duration)
     if step is not None:
         step = _positive(step, "step")
-    task = Simulated(request=request, engine=engine_for(subject, engine), step=step)
-    return _done(motions.simulate, task, subject)
+    request = replace(request, engine=engine_for(subject, engine), step=step)
+    return _done(motions.simulate, request)
 
 
 def solve(
@@ -169,7 +169,7 @@ def _solved(request: MotionRequest) -> Solved:
         or UNKNOWN in solved.reads.values()
         or solved.reads != _states_now(solved.reads, request.subject)
     ):
-        solved = _done(motions.solved, request, request.subject)
+        solved = _done(motions.solved, request)
     _KEPT[request] = solved
     while len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
@@ -184,15 +184,15 @@ def _states_now(reads: Mapping[str, str], subject: NotebookSubject) -> dict[str,
     return {**states_now(subject.base, reads), motions.CONTENT: content}
 
 
-def _done(function: Callable[[T], V], task: T, subject: NotebookSubject) -> V:
+def _done(function: Callable[[MotionRequest], V], request: MotionRequest) -> V:
     """Run a task in a worker process, so that a crash of the engine does not stop the notebook.
 
     Raises:
         MotionError: with the reason and the printed output.
     """
     with without_main(), Workers(1, LIMITS) as workers:
-        value = workers.outcome(workers.submit(function, task))
+        value = workers.outcome(workers.submit(function, request))
     if isinstance(value, Failure):
         printed = [f"  | {line}" for line in value.stdout.splitlines()[-6:]]
-        raise MotionError("\n".join([value.about(subject.place), *printed]))
+        raise MotionError("\n".join([value.about(request.subject.place), *printed]))
     return value

@@ -47,26 +47,15 @@ class MotionRequest:
         subject: the mechanism.
         scenario: name of a declared scenario, or a start.
         duration: seconds; None: the scenario's.
+        engine: engine that runs the file; empty for the equations.
+        step: seconds; None: the file's own.
     """
 
     subject: NotebookSubject
     scenario: str | Start
     duration: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Simulated:
-    """A motion and its simulation settings.
-
-    Attributes:
-        request: the motion.
-        engine: engine that runs the file.
-        step: seconds; None: the file's own.
-    """
-
-    request: MotionRequest
-    engine: str
-    step: float | None
+    engine: str = ""
+    step: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,17 +73,16 @@ class Solved:
     reads: Mapping[str, str]
 
 
-def simulate(task: Simulated) -> Trajectory:
+def simulate(request: MotionRequest) -> Trajectory:
     """Run a model from a scenario's start to its end.
 
     Raises:
         MotionError, EngineError, DeclarationError, SidecarError, RobotError: in one sentence.
     """
-    request = task.request
     source = _source(request.subject)
     scenario = _scenario(source, request)
-    model, coordinates = _loaded(source, request.subject, task.engine)
-    step = model.step if task.step is None else task.step
+    model, coordinates = _loaded(source, request.subject, request.engine)
+    step = model.step if request.step is None else request.step
     duration = float(scenario.duration)
     if why := why_no_run(duration, step):
         raise MotionError(f"{request.subject.file}: {why}")
@@ -102,7 +90,7 @@ def simulate(task: Simulated) -> Trajectory:
     inputs = numeric_inputs(pieces(source.declaration, scenario))
     times, states = simulated(model, coordinates, start, inputs, duration, step)
     columns = Columns(source.declaration)
-    engine = engines()[task.engine]
+    engine = engines()[request.engine]
     file = request.subject.place.name
     return Trajectory(
         t=times,

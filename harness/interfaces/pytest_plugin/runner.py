@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -40,9 +39,15 @@ from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER, RESOLUTION
-from physics_crosscheck.harness.planning.model_checks import AUDIT, CASE, DIAGNOSIS, MEASUREMENT
+from physics_crosscheck.harness.planning.model_checks import (
+    AUDIT,
+    CASE,
+    DIAGNOSIS,
+    MEASUREMENT,
+    ModelCheck,
+)
 from physics_crosscheck.harness.planning.options import Options
-from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, task_function
+from physics_crosscheck.harness.planning.prepared import Preparation, task_function
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -189,24 +194,32 @@ class CaseRunner:
         bodies = prepared.facts.declares == "bodies"
         if bodies and isinstance(model, Sidecar) and (why := not_of_a_tree(model)):
             return failed_case(case_id, str(target), Failure(why, "", kind="sidecar"))
-        task = self._task(model, case_id.engine, case_id.scenario)
+        do = partial(self._do, prepared, model, case_id.engine, scenario=case_id.scenario)
 
         def measured(accepted: Snapshot) -> Measurement | Failure:
-            measuring = replace(task, snapshot=accepted)
-            return self._ask(MEASUREMENT.task(prepared.facts, measuring), prepared.solved)
+            measurement: Measurement | Failure = do(MEASUREMENT, snapshot=accepted)
+            return measurement
 
-        case = self._ask(CASE.task(prepared.facts, task), prepared.solved)
-        return self._judged(case, case_id, target, measured)
+        return self._judged(do(CASE), case_id, target, measured)
 
-    def _task(self, model: Sidecar | Path, engine: str, scenario: str = "") -> Arguments:
-        sidecar = model if isinstance(model, Sidecar) else None
-        return Arguments(
+    def _do(
+        self,
+        prepared: Preparation,
+        model: Sidecar | Path,
+        engine: str,
+        check: ModelCheck,
+        **given: Any,
+    ) -> Any:
+        """Return the value of a model's check, or its failure."""
+        function = check.task(
+            prepared.facts,
             engine=engine,
             resolution=self._settings.resolution,
-            sidecar=sidecar,
-            scenario=scenario,
+            sidecar=model if isinstance(model, Sidecar) else None,
             thorough=self._settings.thorough,
+            **given,
         )
+        return self._ask(function, prepared.solved)
 
     def _judged(
         self,
@@ -268,20 +281,19 @@ class CaseRunner:
             return preparation
         if preparation.facts.declares == "robot file":
             return Audit(findings=preparation.facts.findings)
-        task = AUDIT.task(preparation.facts, self._task(model, engine))
-        return self._ask(task, preparation.solved)
+        audit: Audit | Failure = self._do(preparation, model, engine, AUDIT)
+        return audit
 
     def diagnosis(self, target: Path, model: Sidecar | Path, engine: str) -> Diagnosis:
         """Diagnose a model once from its motions in every scenario."""
         key = model_path(model), engine
         if key not in self._diagnoses:
             preparation = self.prepared(target)
-            value: Diagnosis | Failure
-            if isinstance(preparation, Failure):
-                value = preparation
-            else:
-                task = DIAGNOSIS.task(preparation.facts, self._task(model, engine))
-                value = self._ask(task, preparation.solved)
+            value: Diagnosis | Failure = (
+                preparation
+                if isinstance(preparation, Failure)
+                else (self._do(preparation, model, engine, DIAGNOSIS))
+            )
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value

@@ -31,7 +31,7 @@ from physics_crosscheck.harness.documents.urdf import (
     read_urdf,
 )
 from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
-from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import build_robot, couplings, enforceable, placed_in
@@ -162,7 +162,6 @@ def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
 def read_urdf_robot(
     path: Path,
     *,
-    gravity: Triple = GRAVITY,
     floating: bool | None = None,
     armatures: Mapping[str, float] = MappingProxyType({}),
 ) -> Robot:
@@ -175,7 +174,6 @@ def read_urdf_robot(
 
     Args:
         path: of the file.
-        gravity: m/s^2.
         floating: whether the root link moves freely, on a free joint with its name; otherwise it is
             fixed to the world, like a link named `world`. Without joints, a root with mass is free.
             None: it is also free if it has mass and shapes, and two chains reach below all of them.
@@ -187,10 +185,10 @@ def read_urdf_robot(
         return refused(path, path.stem, [ReadError.unreadable(error, path)])
     document.armatures = armatures
     with np.errstate(all="ignore"):  # overflow is reported
-        return _read(document, gravity, floating)
+        return _read(document, floating)
 
 
-def _read(document: Document, gravity: Triple, floating: bool | None) -> Robot:
+def _read(document: Document, floating: bool | None) -> Robot:
     file = read_urdf(document)
     mimics = enforceable(file.mimics, singles(file.joints))
     left_out = urdf_left_out(file, mimics)
@@ -207,7 +205,7 @@ def _read(document: Document, gravity: Triple, floating: bool | None) -> Robot:
         mimics=mimics,
         bodies_with=lambda still: bodies_of(file, floating, still),
         left_out=left_out,
-        gravity=gravity,
+        gravity=GRAVITY,
         floats=floating,
     )
 

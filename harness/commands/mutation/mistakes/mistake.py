@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from physics_crosscheck.harness.checks.prepare import PreparedSystem
+from physics_crosscheck.harness.checks.task import ModelTask, P
 from physics_crosscheck.harness.modelfiles.bindings import rewrite, with_literals
 from physics_crosscheck.harness.modelfiles.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
+from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 
@@ -19,19 +23,31 @@ class Edit:
     Attributes:
         literals: new values, by address.
         attributes: attributes of XML elements to set, add or remove.
-        settings: settings of the sidecar, for this engine.
+        settings: settings of the engine.
+        numbers: new values of numbers of a robot file, or of a model of bodies, by index.
+        law: the mistake in the laws by which an engine with a known answer steps; with settings,
+            their cause.
     """
 
     literals: Mapping[str, float] = field(default_factory=dict)
     attributes: tuple[Attribute, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
+    numbers: Mapping[int, float] = field(default_factory=dict)
+    law: str = ""
 
-    def apply(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
-        """Write an edited copy of the model into the folder `into`, and return its sidecar.
+    def plant(self, task: ModelTask[P], into: Path) -> ModelTask[P]:
+        """Write an edited copy of a task's model into the folder `into`, and return its task.
 
         Raises:
             LocationError: naming file, line and remedy.
         """
+        if isinstance(task.target, PreparedSystem):
+            return task.with_sidecar(self._applied(task.declared, task.engine, into))
+        texts = robot_numbers(task.file, task.spec.settings).texts(self.numbers)
+        copy = task.with_file(copy_with_texts(task.file, texts, into))
+        return copy.with_settings(**self.settings)
+
+    def _applied(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
         copy = with_literals(sidecar, {}, into)
         if self.attributes:
             data = with_attributes(copy.model.read_bytes(), copy.model, self.attributes)
