@@ -17,9 +17,8 @@ import numpy as np
 
 from physics_crosscheck.harness.checks.findings import settings_of
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE
-from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_numbers, robot_system
 from physics_crosscheck.harness.modelfiles.robot import Robot, home_of
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array

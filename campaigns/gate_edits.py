@@ -24,11 +24,11 @@ from typing import NamedTuple
 from physics_crosscheck.harness.commands.gate.accept import accept
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.modelfiles.parts import parts
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
+from physics_crosscheck.harness.run import Options
 
 _NUMBERS = """
 timestep range damping armature stiffness frictionloss margin friction contype conaffinity condim
@@ -125,13 +125,13 @@ def trials(file: Path, folder: Path, engines: tuple[str, ...]) -> Iterator[EditT
     suffix = ".urdf" if file.suffix == ".xacro" else file.suffix
     reading = {engine.name for engine in engines_reading(suffix)}
     chosen = tuple(name for name in engines if name in reading)
-    options = GateOptions(baseline=folder / "baseline", engines=chosen, jobs=1)
+    options = Options(baseline=folder / "baseline", engines=chosen, jobs=1)
 
     def gated() -> GateResult:
         """Gate the file as it is; a xacro source is expanded first."""
         return gate([source_file(str(here)) or here], options, lambda *_: None)
 
-    accept(gated(), (), "campaign", options.baseline)
+    accept(gated(), (), "campaign", folder / "baseline")
     texts = {here: True, **parts(here)}
     shown = "".join(path.read_text("latin-1") for path, part in texts.items() if part)
     shown = re.sub(r"<visual.*?</visual>", "", shown, flags=re.DOTALL)

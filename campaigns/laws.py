@@ -32,13 +32,12 @@ from physics_crosscheck.harness.diagnosis.law_problem import (
     diagnose_laws,
     law_problem,
 )
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import FileError
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.urdf import SETTINGS
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 

@@ -31,13 +31,12 @@ from physics_crosscheck.harness.commands.mutation.survey import survey
 from physics_crosscheck.harness.diagnosis.trial import scratch
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.jobs.workers import Failure, Limits, Workers
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
 )
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile, copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.records.case import Case

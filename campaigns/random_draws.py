@@ -27,10 +27,9 @@ from physics_crosscheck.harness.diagnosis.samples import (
 )
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.bindings import at_constants
+from physics_crosscheck.harness.modelfiles.bindings import at_constants, parametric_model_file
 from physics_crosscheck.harness.modelfiles.folders import system_folders
 from physics_crosscheck.harness.modelfiles.model_files import model_files
-from physics_crosscheck.harness.modelfiles.parametric_file import parametric_model_file
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.differences import OperatingPoint

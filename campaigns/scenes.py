@@ -26,8 +26,7 @@ from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_w
 from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, law_model
 from physics_crosscheck.harness.records.outcome import Outcome
 
 OWN_SOLVER = "solver", "tolerance", "iterations", "ls_iterations", "ls_tolerance"

@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 

@@ -18,15 +18,12 @@ from physics_crosscheck.harness.engines.registry import engines as registered
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, run_jobs
-from physics_crosscheck.harness.jobs.limits import Limits
-from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
     model_files,
     model_path,
 )
-from physics_crosscheck.harness.planning.cache import Cache
 from physics_crosscheck.harness.planning.model_plan import ModelPlan
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
@@ -37,9 +34,6 @@ from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import ActingQuantity
-
-AUDIT_ONLY = Selection(models=None)
-"""Selection without derivation and diagnosis."""
 
 
 @dataclass(frozen=True)
@@ -67,33 +61,12 @@ class ModelAudit:
     mechanics: bool = True
 
 
-def audits(
-    targets: Sequence[Path],
-    *,
-    engines: Sequence[str] = (),
-    jobs: int = 0,
-    limits: Limits | None = None,
-    cache: Cache | None = None,
-    choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
-    floating: bool = False,
-    model: str = "",
-) -> tuple[ModelAudit, ...]:
-    """Audit every model of the folders, or the chosen ones, and the robot files.
-
-    The other arguments are those of a run.
-    """
-    options = Options(
-        engines=tuple(engines),
-        jobs=jobs,
-        limits=limits or Limits(),
-        selection=AUDIT_ONLY,
-        cache=cache,
-        choice=choice,
-        floating=floating,
-        model=model,
-    )
+def audits(targets: Sequence[Path], options: Options) -> tuple[ModelAudit, ...]:
+    """Audit every model of the folders, or the chosen ones, and the robot files."""
+    options = replace(options, selection=Selection(models=None))  # no derivation, no diagnosis
     planned = [_TargetAudits(target, options) for target in targets]
-    with executor(jobs=options.jobs, limits=options.limits, prestart=cache is None) as workers:
+    prestart = options.cache is None
+    with executor(jobs=options.jobs, limits=options.limits, prestart=prestart) as workers:
         run_jobs(chain.from_iterable(plan.jobs() for plan in planned), workers)
     results = chain.from_iterable(plan.results() for plan in planned)
     return tuple(replace(one, findings=relocated(one.findings, SourceLine)) for one in results)

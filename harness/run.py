@@ -31,7 +31,7 @@ from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop
-from physics_crosscheck.harness.modelfiles.input_files import input_files
+from physics_crosscheck.harness.modelfiles.parts import input_files
 from physics_crosscheck.harness.planning.options import Options, Selection
 from physics_crosscheck.harness.planning.plan import Plan
 from physics_crosscheck.harness.planning.result_builder import Progress, ResultBuilder
@@ -39,6 +39,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.baseline import Measurement, RobotOptions
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.diff import Status
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import BaselineChanges, Results
 
 __all__ = ["Options", "Progress", "Run", "Selection", "run"]
@@ -102,6 +103,8 @@ def run(
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
     sorted_cases = _sorted_cases(builder, order)
+    if len(places) > 1:
+        sorted_cases = list(map(_props_skipped, sorted_cases))
     if any(case.whole_step and case.whole_step.touches for case in sorted_cases):
         # The import takes the equations with it.
         from physics_crosscheck.harness.checks.shared_contacts import with_shared_contacts
@@ -124,6 +127,13 @@ def run(
         optional=tuple(name for name, engine in engines().items() if engine.extra),
     )
     return Run(relocated(results, SourceLine), builder.measured, builder.reads)
+
+
+def _props_skipped(case: Case) -> Case:
+    """Return a case as it is, but skipped if it stands for a scene in which nothing moves."""
+    if case.kind != "no joint":
+        return case
+    return replace(case, outcome=Outcome.ABSENT, reason="no joint moves, and no mass is free")
 
 
 def _changes(

@@ -11,8 +11,8 @@ from tempfile import gettempdir
 
 from physics_crosscheck import System
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
+from physics_crosscheck.harness.modelfiles.bindings import parametric_model_file
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.parametric_file import parametric_model_file
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 

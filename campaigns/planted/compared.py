@@ -17,7 +17,7 @@ from physics_crosscheck.harness.commands.compare.candidate import (
     candidate,
 )
 from physics_crosscheck.harness.commands.compare.compare import CompareOptions, compare
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.records.comparison import Compared
 from physics_crosscheck.harness.records.outcome import Outcome

@@ -19,10 +19,9 @@ from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.diagnosis.fit import Fit
 from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
 from physics_crosscheck.harness.diagnosis.robot_task import problem_of, ranked
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile, copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.flows import Flow

@@ -17,11 +17,11 @@ from physics_crosscheck.harness.documents.elements import (
     text_span,
 )
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import DECIMAL, SourceFile
+from physics_crosscheck.harness.documents.reading import DECIMAL, SourceFile
 from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.harness.modelfiles.code_reads import digest, digest_of
 from physics_crosscheck.harness.modelfiles.numbers import ElementAddresses
 from physics_crosscheck.harness.modelfiles.parts import parts
-from physics_crosscheck.harness.modelfiles.path_states import digest, digest_of
 from physics_crosscheck.harness.records.baseline import ChangedLine
 
 _LOOKS = "visual geometry"

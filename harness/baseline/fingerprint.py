@@ -17,14 +17,14 @@ import msgspec
 import numpy as np
 
 from physics_crosscheck.harness.engines.registry import engines, model_formats
-from physics_crosscheck.harness.modelfiles.parts import included, named_files, parts
-from physics_crosscheck.harness.modelfiles.path_states import (
+from physics_crosscheck.harness.modelfiles.code_reads import (
     UNKNOWN,
     digest,
     digest_of,
     is_content,
     states_now,
 )
+from physics_crosscheck.harness.modelfiles.parts import included, named_files, parts
 from physics_crosscheck.harness.modelfiles.sidecar import (
     SidecarError,
     drop_absent_models,

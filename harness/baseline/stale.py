@@ -8,8 +8,8 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.expanded import source_of
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
+from physics_crosscheck.harness.modelfiles.code_reads import UNKNOWN
 from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN
 from physics_crosscheck.harness.records.baseline import AcceptedCase, RobotOptions
 from physics_crosscheck.harness.records.case import CaseId
 from .file import SystemBaseline

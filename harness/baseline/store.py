@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
-from physics_crosscheck.harness.modelfiles.path_states import digest_of
+from physics_crosscheck.harness.modelfiles.code_reads import digest_of
 from .file import BaselineFileError, SystemBaseline, file_text, read_file, read_target
 
 T = TypeVar("T")

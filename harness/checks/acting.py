@@ -23,7 +23,7 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number

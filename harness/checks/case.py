@@ -48,8 +48,9 @@ from .case_record import (
 from .planar_step import case_steps
 from .poses import case_poses
 from .prepare import Prepared, PreparedSystem, PreparedTree
-from .scene import errors_record, inertia_records
+from .scene import body_lines, errors_record, inertia_records
 from .task import ModelTask, RefusedError
+from .time_step import case_time_step
 from .verdict import (
     CaseJudgement,
     judged,
@@ -62,7 +63,7 @@ from .verdict import (
 MAX_LOSS = 1e-5
 """Largest relative difference that an engine's documented loss of precision excuses."""
 
-POSES_ONLY = "poses only: no link has an <inertial>; 1 kg and 1 kg m^2 stand for each"
+POSES_ONLY = "poses only: no link has mass or inertia; 1 kg and 1 kg m^2 stand for each"
 """Reason of a case that tests no masses."""
 
 
@@ -143,6 +144,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     if why and isinstance(task.target, PreparedSystem):
         raise StepError(f"{_place_of_step(task)}: {why}")
     # Now: some engines unload this model when another one is loaded.
+    time_step = case_time_step(task, model, coordinates)
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
     inertias = _inertias(task.target, model)
     judged = _judgement(task, (model, coordinates), None if why else motion)
@@ -179,6 +181,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         locations=next((p.locations for p in parts.values() if p and p.kind == kind), ()),
         **{name: part.record for name, part in parts.items() if part},
         verdict=verdict_record(verdict, judged.limits, judged.order, judged.steps_taken),
+        time_step=time_step,
         full_run=full_run,
         series=series,
         by_state=_by_state(task, judged, inertias),
@@ -228,15 +231,17 @@ def _by_state(
     target = task.target
     if not isinstance(target, PreparedTree):
         return None
-    segments = target.segments(task.scenario)
+    segments, scene, apart = target.segments(task.scenario), target.record.scene, None
     if judged.limits is None:
         assert judged.stepping is not None  # single steps decide
-        steps = judged.stepping.defects
-        return errors_record(target.tree, segments, target.names, steps, None, inertias)
-    apart = judged.limits.limit.value - segments.end
-    uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
-    defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
-    return errors_record(target.tree, segments, target.names, defects, apart, inertias)
+        defects = judged.stepping.defects
+    else:
+        apart = judged.limits.limit.value - segments.end
+        uncertainty = (judged.limits.limit.uncertainty + segments.bound) / segments.unit
+        defects = StepDefects(defect=np.abs(apart) / segments.unit, uncertainty=uncertainty)
+    record = errors_record(target.tree, segments, target.names, defects, apart, inertias)
+    names = [] if scene is None else [body.name for body in scene.bodies]
+    return structs.replace(record, lines=body_lines(task.spec.path, names))
 
 
 def judge(

@@ -17,8 +17,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     model_files,
     model_path,
 )
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.multibody import MultibodySystem

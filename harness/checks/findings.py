@@ -9,8 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.schema import UnknownName, unknown_names
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
@@ -18,7 +19,7 @@ from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, line_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import parts_of
 from physics_crosscheck.harness.modelfiles.numbers import numerals
-from physics_crosscheck.harness.modelfiles.robot import Omission, Robot
+from physics_crosscheck.harness.modelfiles.robot import FilePlace, Omission, Robot
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.finding import (
     AuditFinding,
@@ -83,7 +84,37 @@ _NEGATIVE = re.compile(r".*[/@](\w*damping|\w*stiffness|springStiffness|spring_s
 def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return what is wrong with a file by reading it: inertias, signs, engines' remarks."""
     findings = (*inertia_findings(robot), *negative_findings(robot.file), *_remarks(robot.file))
-    return tuple(dict.fromkeys(findings))
+    return tuple(dict.fromkeys((*findings, *_unread_findings(robot))))
+
+
+_UNREAD = re.compile(
+    r"<(?!(contact|plugin|sensor)\b)[\w:]+> of <(?!(world|sdf|physics)\b).*"
+    r"|[\w:]+ of <(?!robot\b).*|<(?!(transmission|sensor|group|ros2_control|mujoco|plugin)\b)\w+>"
+)
+"""Content of a URDF or SDF that no engine reads, and that may change motions."""
+
+
+def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
+    """Yield misspelled names, and notes on other names that no engine reads."""
+    unknown: tuple[UnknownName, ...] = ()
+    with suppress(LocationError):  # already reported by the reader of the file
+        unknown = tuple(unknown_names(Document(robot.file).root))
+    for part in unknown:
+        line = _file_line(robot.file, part.place)
+        yield finding("misspelled", (part.element.tag, part.name), part.sentence, location=line)
+    misspelled = {one.place for one in unknown}
+    for omission in robot.left_out:
+        place = omission.place
+        if place is not None and place not in misspelled and _UNREAD.fullmatch(omission.what):
+            message = f"no engine reads {omission.what}"
+            yield finding(
+                "unread", (omission.what,), message, location=_file_line(robot.file, place),
+                severity="note",
+            )  # fmt: skip
+
+
+def _file_line(file: Path, place: FilePlace) -> SourceLine:
+    return SourceLine(file=str(place[0] or file), line=place[1])
 
 
 def _remarks(file: Path) -> Iterator[AuditFinding]:

@@ -13,9 +13,8 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.modelfiles.frames import FrameTarget, SidecarFrames, sidecar_frames
-from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
+from physics_crosscheck.harness.modelfiles.readers import RobotError, read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.records.base import SourceLine, number

@@ -22,9 +22,13 @@ from physics_crosscheck.harness.engines.protocol import ARMATURES, EngineError, 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.inertias import impossible_links
-from physics_crosscheck.harness.modelfiles.readers import hold_joints, read_robot
+from physics_crosscheck.harness.modelfiles.readers import (
+    RobotError,
+    hold_joints,
+    read_robot,
+    robot_system,
+)
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot, home_of
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.harness.numerics.differences import (

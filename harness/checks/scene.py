@@ -11,7 +11,11 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import locate_file
+from physics_crosscheck.harness.modelfiles.locations import MARKUP
 from physics_crosscheck.harness.modelfiles.mesh_files import (
     MeshError,
     decimated_mesh,
@@ -32,6 +36,7 @@ from physics_crosscheck.harness.records.scene import (
     SceneMesh,
     SceneShape,
     ShapeKind,
+    Spans,
     StateErrors,
 )
 from physics_crosscheck.reference.dynamics.recursion import Recursion
@@ -426,3 +431,49 @@ def _differences(tree: Tree, states: Segments, apart: Array) -> tuple[Numbers, .
     coordinates = Coupled(tree).positions(states.start[:, :n].T)
     rates = apart[:, n:] / states.lengths[:, None]
     return tuple(rounded(row, DIGITS) for row in joint_rates(tree, coordinates, rates).tolist())
+
+
+def body_lines(file: Path, bodies: Sequence[str]) -> tuple[Spans, ...]:
+    """Return the lines of each body in a URDF, an SDFormat file or an MJCF; empty in others.
+
+    Args:
+        file: path of the file.
+        bodies: names of the bodies, in the order of an MJCF.
+    """
+    try:
+        root = Document(file).root if file.suffix in MARKUP else None
+    except LocationError:
+        root = None
+    if root is None:
+        return ()
+    stated = _flat(root) if root.tag in ("robot", "sdf") else _nested(root)
+    spans: dict[str, list[tuple[int, int]]] = {}
+    for body, span in stated:
+        spans.setdefault(body, []).append(span)
+    return tuple(tuple(spans.get(body, ())) for body in bodies)
+
+
+def _flat(root: XmlElement) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield links, and each joint with its child link."""
+    for element in root.iter():
+        if element.tag == "link" and element.get("name"):
+            yield element.get("name"), _span(element)
+        elif element.tag == "joint" and (child := element.find("child")) is not None:
+            yield child.get("link") or child.text.strip(), _span(element)
+
+
+def _nested(root: XmlElement) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield bodies with their lines before the first body in them."""
+    for i, element in enumerate(root.iter("body"), start=1):
+        first, last = _span(element)
+        inner = next((one for one in element.iter("body") if one is not element), None)
+        if inner is not None:
+            last = max(first, (inner.place[1] or 0) - 1)
+        yield element.get("name") or f"body_{i}", (first, last)
+
+
+def _span(element: XmlElement) -> tuple[int, int]:
+    source = element.source
+    assert source is not None  # it is of a file
+    closed = source.data[element.end : element.end + 2] == b"</"
+    return source.line(element.start), source.line(element.end - (not closed))

@@ -24,13 +24,12 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import (
     MisreadNumber,
     ReadingCheck,
     check_reading,
 )
-from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, placed_shapes
+from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, law_model, placed_shapes
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Omission
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model

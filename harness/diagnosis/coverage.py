@@ -15,9 +15,9 @@ from msgspec.structs import replace as replace_fields
 
 from physics_crosscheck.harness.checks.task import SystemTask, TreeTask
 from physics_crosscheck.harness.checks.whole_step import compares_steps
-from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.elements import Number, XmlElement, replace_numbers
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number, replace_numbers
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_texts
@@ -88,7 +88,7 @@ class Trials:
         self._numbers, self._folder = numbers, folder
         parts = (one.file for one in numbers)
         files = dict.fromkeys((self._sidecar.model, Path(f"{self._sidecar.model}.toml"), *parts))
-        self._texts = {file: file.read_bytes() for file in files}
+        self._texts = {file: read_regular(file) for file in files}
         model, coordinates = task.load()
         self._z, self._w = coordinates.to_engine(_some(task.target.visited))
         self._frames = _frames(task.target.system, self._sidecar)

@@ -10,8 +10,8 @@ from itertools import combinations
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.modelfiles.bindings import Binding, bindings
 from physics_crosscheck.harness.modelfiles.locations import find, numbers

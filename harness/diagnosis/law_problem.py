@@ -24,14 +24,14 @@ from physics_crosscheck.harness.checks.law_comparison import (
 )
 from physics_crosscheck.harness.checks.law_states import KeptSteps
 from physics_crosscheck.harness.checks.task import TreeTask
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, WholeModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.mjcf.numbers import CompiledNumbers
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.urdf.laws import convex_numbers, impulse_numbers
-from physics_crosscheck.harness.modelfiles.urdf.numbers import UrdfNumbers
+from physics_crosscheck.harness.modelfiles.urdf.read import UrdfNumbers
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.laws.mistakes import LawMistake, hard_mistakes, soft_mistakes

@@ -14,8 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from physics_crosscheck.harness.checks.scene import inertia_difference
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number, XmlElement
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind

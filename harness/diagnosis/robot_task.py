@@ -19,8 +19,7 @@ from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.numbers import ModelFile
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number

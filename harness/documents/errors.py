@@ -77,7 +77,7 @@ class EncodingError(LocationError):
 
 
 ReadKind = Literal[
-    "robot", "file", "unsupported", "massless", "negative mass", "moments", "triangle"
+    "robot", "file", "unsupported", "massless", "no joint", "negative mass", "moments", "triangle"
 ]
 
 
@@ -91,8 +91,8 @@ class ReadError:
         line: of the file, counted from 1; 0 without a line.
         remedy: the correction.
         kind: `robot` for a structure that is not a tree, `file` for an unreadable file,
-            `unsupported`, `massless` for joints that move no inertia, or the rule that the
-            inertia of a link breaks.
+            `unsupported`, `massless` for joints that move no inertia, `no joint` where none moves,
+            or the rule that the inertia of a link breaks.
     """
 
     sentence: str

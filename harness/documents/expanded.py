@@ -20,6 +20,7 @@ import msgspec
 from .document import Document
 from .elements import XmlElement
 from .errors import LocationError
+from .reading import read_regular
 
 XACRO = ".xacro"
 
@@ -49,6 +50,9 @@ RENAMED = {".mjcf": ".xml", ".world": ".sdf"}
 
 STAND_INS = "stand-ins"
 """Folder in the user's cache of copies with inertias that their files lack."""
+
+_WEIGHT = re.compile(rb"<(mass|inertia)\b[^>]*=\s*[\"'][^\"']*[^-+.0\s\"']")
+"""A mass or a tensor that is not written as zero."""
 
 SEARCH_SECONDS = 10.0
 """Time after which a package is looked for again."""
@@ -129,12 +133,12 @@ def write_copy(
 def completed(file: Path) -> Path | None:
     """Return a copy of a URDF with a link `world` that only its joints name, and stand-ins.
 
-    If no link has an inertia, 1 kg and 1 kg m^2 stand for each. Lines stay. Return None if the file
-    lacks neither or has a sidecar, or isn't XML.
+    If no link has mass or inertia, also if they are written as 0, 1 kg and 1 kg m^2 stand for each.
+    Lines stay. Return None if the file lacks neither or has a sidecar, or isn't XML.
     """
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
-    data = without_comments(file.read_bytes()) if is_urdf else b""
-    lacks_inertia = b"<inertial" not in data
+    data = without_comments(read_regular(file)) if is_urdf else b""
+    lacks_inertia = b"<inertial" not in data or not _WEIGHT.search(data)
     if b"<joint" not in data or not (lacks_inertia or re.search(rb"""["']world["']""", data)):
         return None
     if (robot := _root_copy(file)) is None:
@@ -147,10 +151,11 @@ def completed(file: Path) -> Path | None:
         robot.add("link", {"name": "world"})
     for link in robot.findall("link") if lacks_inertia else ():
         if link.get("name") != "world":
-            inertial = link.add("inertial")
-            inertial.add("mass", {"value": "1"})
-            products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-            inertial.add("inertia", {"ixx": "1", "iyy": "1", "izz": "1", **products})
+            inertial = link.find("inertial") or link.add("inertial")
+            (inertial.find("mass") or inertial.add("mass")).set("value", "1")
+            tensor = inertial.find("inertia") or inertial.add("inertia")
+            for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+                tensor.set(key, "1" if key[1] == key[2] else "0")
     for mesh in robot.iter("mesh"):
         if (shape := locate_file(file, mesh.get("filename", ""))) is not None:
             mesh.set("filename", str(shape.resolve()))

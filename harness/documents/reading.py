@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
 import re
 import stat
+import time
 import tomllib
+from bisect import bisect_right
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
+
+from .errors import LocationError, quote, truncate
 
 MAX_MODEL_BYTES = 64 * 2**20
 """The largest size of a model file, or of a part of one, bytes."""
 
 MAX_SIDECAR_BYTES = 2**20
 """The largest size of a sidecar, bytes: more than ten thousand bindings."""
+
+MAX_KEPT_BYTES = 2**22
+"""The largest file whose bytes and elements are kept."""
+
+SETTLED_SECONDS = 2.0
+"""Age of the last change from which a file's times show each further change."""
 
 MAX_TOML_DEPTH = 20
 """The deepest nesting of TOML tables and arrays."""
@@ -34,6 +48,8 @@ _KINDS = {
 def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     """Return the bytes of a plain file, without opening a pipe or a device, which could block.
 
+    Files that were read last are kept, and opened again only if they change.
+
     Args:
         path: of the file, or of a link to it.
         max_bytes: largest allowed size.
@@ -47,6 +63,15 @@ def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     if max_bytes is not None and status.st_size > max_bytes:
         size = f"{status.st_size / 2**20:.1f} MB; at most {max_bytes / 2**20:g} MB are allowed"
         raise OSError(errno.EFBIG, f"it has {size}", str(path))
+    changed = max(status.st_mtime_ns, status.st_ctime_ns)
+    is_settled = time.time_ns() - changed > SETTLED_SECONDS * 1e9
+    if status.st_size > MAX_KEPT_BYTES or not is_settled:
+        return path.read_bytes()
+    return _kept_bytes(path, status.st_dev, status.st_ino, status.st_size, changed)
+
+
+@lru_cache(maxsize=16)
+def _kept_bytes(path: Path, *_state: int) -> bytes:
     return path.read_bytes()
 
 
@@ -103,3 +128,68 @@ def _check_values(data: dict[str, Any]) -> None:
             raise TomlError(": a whole number of more than 64 bits; write it with an exponent")
     if any(isinstance(value, dict | list) for value in level):
         raise TomlError(f": more than {MAX_TOML_DEPTH} nested tables or arrays")
+
+
+Span = tuple[int, int]
+"""First byte of a number, and the one after its last."""
+
+
+Resolve = Callable[[str], tuple[Span, float]]
+"""A function from an address to its bytes and the parser's value there."""
+
+DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+"""A finite number, as model files write it."""
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """The bytes of a file, and errors that name their lines."""
+
+    file: Path
+    data: bytes
+
+    def line(self, offset: int) -> int:
+        """Return the line of a byte, counted from 1."""
+        return bisect_right(self._starts, offset)
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """Offsets of the first byte of each line."""
+        return [0, *(match.end() for match in re.finditer(rb"\r\n|\r|\n", self.data))]
+
+    def column(self, offset: int) -> int:
+        """Return the column of a character's first byte, counted from 1."""
+        start = self._starts[self.line(offset) - 1]
+        return len(self.data[start:offset].decode("utf-8").removeprefix("\ufeff")) + 1
+
+    def text(self, span: Span) -> str:
+        """Return the text between two bytes."""
+        return self.data[slice(*span)].decode("utf-8")
+
+    def lines(self, offsets: Iterable[int]) -> str:
+        """Return the lines of some bytes, in words."""
+        numbers = [str(self.line(offset)) for offset in offsets]
+        return ("line " if len(numbers) == 1 else "lines ") + ", ".join(numbers)
+
+    def error(self, address: str, sentence: str, offset: int | None = None) -> LocationError:
+        """Return an error about an address, because of the byte at `offset`."""
+        line = None if offset is None else self.line(offset)
+        return LocationError(f"{quote(address)} {sentence}", file=self.file, line=line)
+
+
+def nearest(wanted: str, candidates: Iterable[str]) -> str:
+    """Return the names most similar to a wanted one, as a list in words; at most six."""
+    names = list(dict.fromkeys(candidates))
+    alike = difflib.get_close_matches(wanted, names, n=6, cutoff=0.0) if wanted else names[:6]
+    more = len(names) - len(alike)
+    return ", ".join(map(truncate, alike)) + (f" and {more} more" if more else "")
+
+
+def apply_edits(data: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:
+    """Return a file's bytes with ranges (start, end) replaced; of overlapping ranges, the first."""
+    pieces, done = list[bytes](), 0
+    for start, end, new in sorted(changes):
+        if start >= done:
+            pieces += (data[done:start], new)
+            done = end
+    return b"".join((*pieces, data[done:]))

@@ -13,10 +13,9 @@ from types import MappingProxyType
 
 from physics_crosscheck.reference.mechanism.bodies import ZERO, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.tree import Kind
-from .document import EXPAND, Document
-from .elements import XmlElement
-from .errors import quote
-from .tree import (
+from .document import (
+    EXPAND,
+    Document,
     FileLink,
     Mimic,
     add_loop_problems,
@@ -24,6 +23,8 @@ from .tree import (
     free_name,
     named_elements,
 )
+from .elements import XmlElement
+from .errors import quote
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, Numbers
 from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,

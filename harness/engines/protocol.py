@@ -218,6 +218,7 @@ class LoadedModel(ABC):
         gravity: its components, m/s^2, two in a planar engine; empty if unknown.
         lost_turn: rotation of a step, rad, below which the engine drops its cubic term.
         epsilon: relative rounding of the engine's numbers.
+        steps_itself: whether the engine has an integrator; otherwise the adapter has.
     """
 
     coordinates: tuple[str, ...]
@@ -226,6 +227,7 @@ class LoadedModel(ABC):
     gravity: tuple[float, ...] = ()
     lost_turn: float = 0.0
     epsilon: float = float(np.finfo(np.float64).eps)
+    steps_itself: bool = True
 
     @abstractmethod
     def exponents(self, varying_input: bool) -> tuple[int, int]:

@@ -9,8 +9,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.frames import has_automatic
 from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile
-from physics_crosscheck.harness.documents.sdf.shapes import has_automatic
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks

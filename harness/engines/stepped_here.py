@@ -39,6 +39,7 @@ class SteppedHere(TreeModel):
     """
 
     integrator = "Runge-Kutta 4"
+    steps_itself = False
     _undamped: bool = False
 
     def dampers(

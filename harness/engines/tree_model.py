@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,

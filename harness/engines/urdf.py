@@ -1,9 +1,9 @@
 """A URDF for engines: its links and joints, and remarks about ignored elements.
 
 Ambiguous files are refused. PyBullet ends its process with a segmentation fault on two root links,
-on a link with two parents, on a cycle and on a duplicate joint name. It reads "abc" as 0, "1,5" as
-1, and the first of two elements, which MuJoCo refuses even if they are equal. MuJoCo accepts two
-root links, and treats a duplicate joint name as no name.
+on a link with two parents, on a cycle and on a duplicate joint name. It reads "abc" as 0 and "1,5"
+as 1. MuJoCo accepts two root links, and treats a duplicate joint name as no name. Of two equal or
+different elements, such as `<axis>`, MuJoCo refuses the second, and all others take the first.
 """
 
 from __future__ import annotations

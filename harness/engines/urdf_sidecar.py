@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile
-from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.protocol import (
     Array,

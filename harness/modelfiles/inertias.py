@@ -11,6 +11,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
 from physics_crosscheck.reference.dynamics.recursion import Recursion
+from physics_crosscheck.reference.mechanism.couplings import Coupled
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import rotate
 from physics_crosscheck.reference.mechanism.spatial_inertia import SpatialInertia
@@ -139,8 +140,8 @@ def impossible_links(robot: Robot) -> tuple[ReadError, ...]:
 def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int, ...], ...] | None:
     """Return groups of joints, by their links, whose combined motion moves no mass at any position.
 
-    Then the mass matrix is not positive definite, and accelerations do not exist. None if it is not
-    finite.
+    Then the mass matrix is not positive definite, and accelerations do not exist, unless couplings
+    give these joints the inertia of others. None if it is not finite.
 
     Args:
         tree: the bodies.
@@ -154,7 +155,14 @@ def massless_groups(tree: Tree, limits: tuple[Array, Array]) -> tuple[tuple[int,
     if not np.isfinite(mass).all():
         return None
     diagonal = np.diagonal(mass, axis1=1, axis2=2)
-    bare = (diagonal <= ZERO_INERTIA * _carried_inertia(tree, q)[:, owner]).all(axis=0)
+    smallest = ZERO_INERTIA * _carried_inertia(tree, q)[:, owner]
+    if tree.couplings:
+        along = Coupled(tree).matrix
+        shared = along.T @ mass @ along
+        unmoved = np.diagonal(shared, axis1=1, axis2=2) <= smallest @ along**2
+        if not np.all(unmoved, axis=0).any() and not _massless_motion(shared):
+            return ()
+    bare = (diagonal <= smallest).all(axis=0)
     groups = [(i,) for i in dict.fromkeys(np.array(owner)[bare].tolist())]
     remaining = np.flatnonzero(~bare & (diagonal > 0).all(axis=0))
     together = _massless_motion(mass[:, remaining[:, None], remaining])

@@ -5,6 +5,7 @@ Numbers are read as tolerantly as the file itself: commas may separate them.
 
 from __future__ import annotations
 
+import os
 import re
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -13,9 +14,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement, attribute_span, text_span
-from physics_crosscheck.harness.documents.location import DECIMAL
-from physics_crosscheck.harness.documents.number import Number, replace_numbers
+from physics_crosscheck.harness.documents.elements import (
+    Number,
+    XmlElement,
+    attribute_span,
+    replace_numbers,
+    text_span,
+)
+from physics_crosscheck.harness.documents.reading import DECIMAL
 from physics_crosscheck.reference.mechanism.tree import Tree
 
 _WORD = re.compile(r"[^\s,]+")
@@ -203,3 +209,19 @@ class ElementAddresses:
         line = self._document.line(element)
         column = element.start - self._document.data.rfind(b"\n", 0, element.start)
         return f"{line}:{column} {spelled[0]}"
+
+
+def copy_with_texts(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
+    """Write a file and its includes with other texts, and link to the other files of the folder.
+
+    Compiled Python stays behind: it would be taken for that of the copy.
+    """
+    top = Path(os.path.commonpath([path.parent.resolve() for path in texts]))
+    for path, data in texts.items():
+        copy = folder / path.resolve().relative_to(top)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(data)
+    for neighbour in top.iterdir():
+        if neighbour.name != "__pycache__" and not (folder / neighbour.name).exists():
+            (folder / neighbour.name).symlink_to(neighbour)
+    return folder / file.resolve().relative_to(top)

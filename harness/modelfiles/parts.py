@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import stat
@@ -11,14 +12,14 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import check_harmless, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.documents.reading import (
     MAX_MODEL_BYTES,
+    SourceFile,
     not_plain_file_error,
     read_regular,
 )
 from physics_crosscheck.harness.engines.registry import engines_reading
-from .path_states import digest
+from .code_reads import digest
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
@@ -209,3 +210,16 @@ def _candidates(name: str, folders: Iterable[Path]) -> Iterator[Path]:
         for i in range(len(parts)):
             yield folder / Path(*parts[i:])
         yield folder.parent / name
+
+
+def input_files(places: Iterable[Path]) -> Iterator[Path]:
+    """Yield system folders and robots' files, and files outside of them that their models name.
+
+    Files that `system.py` opens or imports from elsewhere are unknown before it runs.
+    """
+    for place in places:
+        yield place
+        models = [one for one in place.iterdir() if one.is_file()] if place.is_dir() else [place]
+        for model in models:
+            with contextlib.suppress(OSError):  # its case reports the error
+                yield from named_files(model)

@@ -22,8 +22,11 @@ LOCKED = "joints that their damping or spring locks (held still)"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
-Note = tuple[str, str]
-"""The kind, and the name of a joint or a link."""
+FilePlace = tuple[Path | None, int | None]
+"""A file and a line of it, from 1."""
+
+Note = tuple[str, str] | tuple[str, str, FilePlace]
+"""The kind, the name of a joint or a link, and its place if no engine reads it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,11 +37,13 @@ class Omission:
         what: the kind, such as "dry friction".
         count: number of occurrences.
         where: names of the joints or links that have one.
+        place: of its first occurrence if no engine reads it; None for other content.
     """
 
     what: str
     count: int
     where: tuple[str, ...]
+    place: FilePlace | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,6 +126,7 @@ class Robot:
         placed: shapes and sites.
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
+        repeated: elements without effect, since an earlier one of their tag counts.
     """
 
     name: str
@@ -138,6 +144,7 @@ class Robot:
     placed: tuple[PlacedShape, ...] = ()
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
+    repeated: tuple[ReadError, ...] = ()
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:
@@ -187,13 +194,16 @@ def count_notes(notes: Iterable[Note], followers: Collection[str]) -> tuple[Omis
     """Count notes by kind, without the mimics of `followers`, which are enforced."""
     counts: dict[str, int] = {}
     places: dict[str, dict[str, None]] = {}
-    for what, where in notes:
+    lines: dict[str, FilePlace] = {}
+    for what, where, *place in notes:
         if what == FREE_MIMIC and where in followers:
             continue
         counts[what] = counts.get(what, 0) + 1
         places.setdefault(what, {}).update({where: None} if where else {})
+        if place:
+            lines.setdefault(what, place[0])
     return tuple(
-        Omission(what=what, count=count, where=tuple(places[what]))
+        Omission(what=what, count=count, where=tuple(places[what]), place=lines.get(what))
         for what, count in counts.items()
     )
 

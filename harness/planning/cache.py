@@ -26,9 +26,13 @@ import msgspec
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
-from physics_crosscheck.harness.modelfiles.code_reads import record_reads
+from physics_crosscheck.harness.modelfiles.code_reads import (
+    UNKNOWN,
+    digest_of,
+    record_reads,
+    states_now,
+)
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
 from physics_crosscheck.harness.records.base import Record

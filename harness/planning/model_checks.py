@@ -78,8 +78,11 @@ class ModelCheck:
         return self.fail(model, value) if isinstance(value, Failure) else self.add(model, value)
 
 
-def _without_compared(model: Model, case: Case) -> Model:
-    """Remove from what is left out the parts of the file that whole steps compare."""
+def _add_case(model: Model, case: Case) -> Model:
+    """Add an unstable step, and remove from what is left out what whole steps compare."""
+    unstable = None if case.time_step is None else case.time_step.finding
+    if unstable is not None and unstable not in (model.audit or ()):
+        model = replace(model, audit=(*(model.audit or ()), unstable))
     steps, coverage = case.whole_step, model.coverage
     if steps is None or steps.outcome is None or coverage is None:
         return model
@@ -111,7 +114,7 @@ def _note_terms(model: Model, failure: Failure) -> Model:
 
 
 CASE = ModelCheck(
-    kind="case", function="checks.case.run_case", result=Case, plans=(), add=_without_compared
+    kind="case", function="checks.case.run_case", result=Case, plans=(), add=_add_case
 )
 MEASUREMENT = ModelCheck(
     kind="measurement", function="baseline.measure.measure", result=Measurement, plans=()

@@ -124,7 +124,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class Options:
-    """Options of `crosscheck run`.
+    """Options of a run, and of the gate, audits and planted faults.
 
     Attributes:
         baseline: the folder with accepted differences.
@@ -140,6 +140,10 @@ class Options:
         cache: results of earlier runs, reused where their inputs have not changed.
         thorough: whether every check of a case runs, also those whose answer others imply.
         strict: whether differences within an engine's own precision count.
+        every: whether the gate runs unchanged cases too.
+        diagnose: whether the gate finds the cause of each difference, which takes longer.
+        parents: folders whose systems are all given, so that one missing in the gate is gone; None:
+            the gate expects every system of the baseline.
     """
 
     engines: tuple[str, ...] = ()
@@ -159,6 +163,9 @@ class Options:
     cache: Cache | None = None
     thorough: bool = False
     strict: bool = False
+    every: bool = False
+    diagnose: bool = False
+    parents: tuple[Path, ...] | None = None
 
     def robot(self, file: Path) -> RobotOptions:
         """Return the options with which a robot file is read."""

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.documents.elements import is_whole
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job
-from physics_crosscheck.harness.modelfiles.formats import syntax_problem
+from physics_crosscheck.harness.modelfiles.folders import syntax_problem
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,

@@ -9,6 +9,7 @@ import msgspec
 
 from .base import Count, Number, Numbers, Record, Rows, SourceLine, one_length
 from .codes import case_code
+from .finding import AuditFinding
 from .outcome import ROUNDED, Outcome, contradiction
 from .poses import Poses
 from .scene import ActingState, StateErrors
@@ -20,7 +21,7 @@ CaseKind = Literal[
     "full run", "time step",
     "not finite", "blows up", "too coarse", "long step",
     "file", "unsupported", "format", "engine", "sidecar", "declaration", "robot", "reference",
-    "massless", "negative mass", "moments", "triangle",
+    "massless", "no joint", "negative mass", "moments", "triangle",
     "time limit", "waiting", "memory limit", "crash", "exit",
 ]  # fmt: skip
 """Why a case does not agree: its motion, extrapolation, full runs, files or worker process.
@@ -257,6 +258,32 @@ class FullRun(Record, frozen=True, kw_only=True):
     energy_error: Number
     constraint_drift: Number
     events: tuple[EventTime, ...] = ()
+
+
+class TimeStep(Record, frozen=True, kw_only=True):
+    """The model's own time step, without a full run: its error and its stability.
+
+    Attributes:
+        step: Time step of the file or its sidecar, seconds.
+        duration: Length of the smooth motion, seconds; None without one.
+        error: Its largest error, relative to the amplitude; None if it blows up.
+        order: Exponent of the step in the error.
+        steps_for: Predicted steps for errors of 1 %, 0.1 % and 0.01 %.
+        growth: Growth of a small deviation in a step; None if none grows unlike the equations.
+        joint: Coordinate that takes part most in what grows; empty without growth.
+        largest_stable: Largest stable step, seconds; None if unknown.
+        finding: What makes the step unstable; None if it is stable.
+    """
+
+    step: Number
+    duration: Number = None
+    error: Number = None
+    order: Count = 0
+    steps_for: tuple[TargetStep, ...] = ()
+    growth: Number = None
+    joint: str = ""
+    largest_stable: Number = None
+    finding: AuditFinding | None = None
 
 
 class Stepping(Record, frozen=True, kw_only=True):
@@ -535,6 +562,7 @@ class Case(Record, frozen=True, kw_only=True):
         stdout: Output that a failed case printed.
         seconds: Duration, wall-clock seconds.
         verdict: Verdict on the motion; None if the case was not judged.
+        time_step: Error and stability of the model's own time step; None if unknown.
         full_run: Errors at the model's own time step; None if the case was not judged.
         series: Data for plots; None if the case was not judged.
         by_state: Errors at each compared state of bodies; None for declared energies.
@@ -560,6 +588,7 @@ class Case(Record, frozen=True, kw_only=True):
     stdout: str = ""
     seconds: float = 0.0
     verdict: Verdict | None = None
+    time_step: TimeStep | None = None
     full_run: FullRun | None = None
     series: Series | None = None
     by_state: StateErrors | None = None

@@ -18,19 +18,21 @@ AuditKind = Literal[
     "inertia", "damping", "stiffness", "friction", "rest", "acceleration", "freedom",
     "linearization", "unresolved", "pose", "frames",
     "inertial", "ignored", "dry friction", "joint limit", "reach", "empty limit", "contact",
-    "constraint", "setting", "warning", "replaced", "default",
+    "constraint", "setting", "warning", "replaced", "default", "unread", "misspelled",
+    "unstable step",
 ]  # fmt: skip
 """Subject of an audit finding; each has a message code and a page.
 
 A number of the file against its binding in the sidecar; an inertia, damping, stiffness or armature
-that no body can have; a compiled term compared with the equations; a pose; and what an engine or a
-format ignores, adds or assumes (`physics_crosscheck.harness.engines.remark`).
+that no body can have; a compiled term compared with the equations; a pose; a name that no engine
+reads, or that is misspelled; and what an engine or a format ignores, adds or assumes
+(`physics_crosscheck.harness.engines.remark`).
 """
 
 PlausibilityKind = Literal[
     "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
     "density", "inertia too small", "swapped axes", "left and right", "weak drive",
-    "damping ratio", "rest outside limits", "negative limit",
+    "damping ratio", "rest outside limits", "negative limit", "repeated element",
 ]  # fmt: skip
 """Subject of advice about a number that real robots do not have; the most certain kind first."""
 

@@ -76,7 +76,7 @@ def contradiction(
 
 _MEANINGS = {
     Outcome.AGREES: "no difference above the uncertainty or the resolution",
-    Outcome.ABSENT: "the engine is not installed, so nothing was tested",
+    Outcome.ABSENT: "no engine is installed for it, or nothing moves, so nothing was tested",
     Outcome.REFUSED: "the engine does not load this file, so nothing was tested in it",
     Outcome.UNRESOLVED: "the uncertainty is too large to decide",
     Outcome.DIFFERS: "a difference above the uncertainty and the resolution",

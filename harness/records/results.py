@@ -79,7 +79,8 @@ class Results(Record, frozen=True, kw_only=True):
         """
         if not self.cases or any(case.outcome is not Outcome.ABSENT for case in self.cases):
             return ""
-        return nothing_tested(case.engine for case in self.cases)
+        engines = [case.engine for case in self.cases if case.engine != "-"]
+        return nothing_tested(engines) if engines else "nothing was tested: nothing moves"
 
     @property
     def refusals(self) -> tuple[Case, ...]:

@@ -222,6 +222,10 @@ class ActingState(Record, frozen=True, kw_only=True):
             raise ValueError("a mark of a step has no joint")
 
 
+Spans = tuple[tuple[int, int], ...]
+"""First and last lines, from 1."""
+
+
 class StateErrors(Record, frozen=True, kw_only=True):
     """Differences between engine and equations at each compared state, by coordinate.
 
@@ -233,6 +237,7 @@ class StateErrors(Record, frozen=True, kw_only=True):
         accelerations: Mean accelerations in the engine minus those of the equations.
         worst: Index of the state with the largest E of the component with the largest E/U.
         inertias: Inertia of the engine, by joint; empty if the engine does not report it.
+        lines: First and last lines of each body in the model file; empty if unknown.
     """
 
     coordinates: tuple[str, ...]
@@ -241,6 +246,7 @@ class StateErrors(Record, frozen=True, kw_only=True):
     accelerations: Rows = ()
     worst: Count = 0
     inertias: tuple[EngineInertia, ...] = ()
+    lines: tuple[Spans, ...] = ()
 
     def __post_init__(self) -> None:
         one_length("the errors by state", self.coordinates, self.error, self.uncertainty)

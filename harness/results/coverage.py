@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
@@ -10,7 +9,7 @@ from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
-from .status import counted
+from .status import counted, listed
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
@@ -52,28 +51,24 @@ def left_out(models: Iterable[Model]) -> list[str]:
     return [f"{file}: {reason}: {what}" for file, what in lines_by_file.items()]
 
 
-_IGNORED = re.compile(
-    r"<(?!(contact|plugin|sensor)\b)\w+> of"
-    r" <(gazebo|model|link|joint|axis|limit|dynamics|surface)>.*"
-)
-"""Elements of a URDF or SDF that no engine reads, as a file's omissions state them."""
-
-_RATIOS = ("mechanicalReduction", "motorInertia")
-"""Numbers of a transmission that no engine reads."""
+MAX_UNREAD = 8
+"""Most names on the line of names that no engine reads."""
 
 
 def unread_line(models: Iterable[Model]) -> str:
     """Return what files state and no engine reads, such as the inertia of a motor, or ""."""
-    unread: dict[str, list[str]] = {}
-    for coverage in (model.coverage for model in models):
-        if coverage is not None:
-            names = [name for one in coverage.untested for name in one.examples]
-            stated = [f"<{name}> of <transmission>" for name in _RATIOS if name in names]
-            for what in (*stated, *filter(_IGNORED.fullmatch, coverage.left_out)):
-                name, _, place = what.partition(" of ")
-                unread.setdefault(place.partition(" (")[0], []).append(name)
-    parts = [f"{', '.join(dict.fromkeys(names))} of {place}" for place, names in unread.items()]
-    return f"no engine reads {'; '.join(parts)}" if parts else ""
+    places: dict[str, dict[str, None]] = {}
+    for model in models:
+        for note in model.audit or ():
+            if note.kind == "unread" and note.location is not None:
+                name = note.subject[0].partition(" of ")[0]
+                line = "" if note.location.line is None else f":{note.location.line}"
+                places.setdefault(model.model, {})[f"{name}{line}"] = None
+    parts = [
+        f"{f'{file}: ' if len(places) > 1 else ''}{listed(list(names), MAX_UNREAD)}"
+        for file, names in places.items()
+    ]
+    return f"not read by any engine: {'; '.join(parts)}" if parts else ""
 
 
 def refused(results: Results) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.case import Case, TimeStep
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.scene import UnreadMesh
@@ -52,7 +52,7 @@ def status_of(
             return Decision(TestStatus.PASS, "")
         failed = "; ".join(f"{what} failed: {why}" for what, why in record.failures)
         return Decision(TestStatus.FAIL, failed or counted(len(record.findings), "finding"))
-    if record.outcome is Outcome.ABSENT and not require_engines:
+    if record.outcome is Outcome.ABSENT and (record.kind == "no joint" or not require_engines):
         return Decision(TestStatus.SKIP, record.reason)
     if record.outcome is Outcome.REFUSED and judged_by:
         names = " and ".join(judged_by)
@@ -118,6 +118,25 @@ def duration(seconds: float) -> str:
             value = float(f"{seconds / size:.2g}")
             return f"{round(seconds / size) if value >= 100 else f'{value:g}'} {unit}"
     raise AssertionError("every time has a unit")
+
+
+LEAST, TENTH = 1e-4, 1e-3
+"""Smallest error of a time step that is stated, and the one for which a step is."""
+
+
+def step_words(step: TimeStep) -> str:
+    """Return the error of a time step in words, or that it is unstable."""
+    size = duration(step.step or 0.0)
+    if step.finding is not None:
+        stable = step.largest_stable
+        return f"{size} is unstable{f', {duration(stable)} is stable' if stable else ''}"
+    motion = f"(smooth motion, {duration(step.duration or 0.0)})"
+    if step.error is None:
+        return f"{size} blows up {motion}"
+    off = percent(step.error) if step.error >= LEAST else f"less than {100 * LEAST:g} %"
+    target = next((one.step for one in step.steps_for if one.target == TENTH), None)
+    gives = f", {duration(target)} gives {100 * TENTH:g} %" if target else ""
+    return f"{size} is {off} off{gives} {motion}"
 
 
 def unread_words(meshes: Sequence[UnreadMesh]) -> str:

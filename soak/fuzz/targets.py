@@ -26,7 +26,7 @@ from physics_crosscheck.harness.commands.scaffold.folder import NewError
 from physics_crosscheck.harness.commands.scaffold.from_tree import tree_text
 from physics_crosscheck.harness.documents.elements import read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import SourceFile
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.urdf import load_urdf
 from physics_crosscheck.harness.modelfiles.bindings import bindings

@@ -28,6 +28,7 @@ from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.failure import audit_lines
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import AuditFinding
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -304,7 +305,7 @@ def test_large_robot_is_compared_by_accelerations_only() -> None:
 def test_file_rejected_by_an_engine_keeps_its_reading_findings(tmp_path: Path) -> None:
     """Use an inertia that no body can have, which MuJoCo rejects."""
     file = written(tmp_path, "arm.urdf", ARM.replace('iyy="0.018"', 'iyy="0.028"'))
-    (result,) = audits([file], engines=("mujoco",))
+    (result,) = audits([file], Options(engines=("mujoco",)))
     assert not result.failure
     inertia, note = (row for row in result.findings if row.severity != "advice")
     assert inertia.code == "XC107"

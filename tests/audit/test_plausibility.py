@@ -8,12 +8,13 @@ from typing import get_args
 import pytest
 
 from physics_crosscheck.engine import EngineError
+from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.finding import PlausibilityKind
-from physics_crosscheck.records import AuditFinding
+from physics_crosscheck.records import AuditFinding, Outcome
 from tests.commands import crosscheck
 
 BOX = '<geometry><box size="0.1 0.1 0.4"/></geometry>'
@@ -257,6 +258,26 @@ def test_negative_limit_is_named_by_joint_and_line(tmp_path: Path, key: str) -> 
         model_task(prepare_tree(tmp_path / "robot.urdf", states=2), "pinocchio").load()
 
 
+@pytest.mark.parametrize(("last", "second"), [
+    ("</link>", '<inertial><mass value="9"/></inertial>'),
+    ("</inertial>", '<mass value="9"/>'),
+    ("</inertial>", '<inertia ixx="9" iyy="9" izz="9"/>'),
+    ("</inertial>", '<origin xyz="0 0 1"/>'),
+    ("</joint>", '<origin xyz="0 0 1"/>'),
+    ("</joint>", '<axis xyz="1 0 0"/>'),
+    ("</joint>", '<limit lower="-2" upper="0" effort="1" velocity="1"/>'),
+])  # fmt: skip
+def test_first_of_two_elements_counts(tmp_path: Path, last: str, second: str) -> None:
+    """Catch a file that engines load without a verdict, or with the second element's numbers."""
+    robot = link("a") + joint("a")
+    before, after, rest = robot.rpartition(last)
+    finding = only(tmp_path, "repeated element", f"{before}\n{second}{after}{rest}")
+    assert text_at(finding).startswith(second)
+    assert re.match(r"a second <\w+> in (link|joint)\[a\S* has no effect", finding.message)
+    task = model_task(prepare_tree(tmp_path / "robot.urdf", states=2), "pybullet")
+    assert run_case(task).outcome is Outcome.AGREES
+
+
 def test_no_advice_fails_a_case(tmp_path: Path) -> None:
     """Run files that get advice of every kind and agree; a mesh needs another package."""
     (tmp_path / "cube.stl").write_text(stl(50.0))
@@ -274,7 +295,7 @@ def test_no_advice_fails_a_case(tmp_path: Path) -> None:
         "bare": link("bare", 2.0, (0, 0, 0), center="0.04 0 0"),
         "unit": link("unit", 0.1, (4e-5,) * 3, center="0.025 0.025 0.025", shape=mesh),
         "weak": link("weak", center="0.04 0 0"),
-        "negative": link("negative"),
+        "negative": link("negative").replace("</inertial>", '<mass value="9"/></inertial>'),
     }
     limits = {"weak": 0.5, "negative": -1}
     joints = [

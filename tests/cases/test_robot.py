@@ -20,7 +20,7 @@ from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.readers import RobotError
 from physics_crosscheck.records import Outcome, read_results
 from physics_crosscheck.reference.solving.segments import Motion
 from tests import commands

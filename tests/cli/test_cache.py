@@ -120,7 +120,7 @@ def test_workers_start_before_the_first_task_only_without_a_cache(
     monkeypatch.setattr(Workers, "begin", lambda workers: starts.append("a run or an audit"))
     for cache in (None, caches.Cache(tmp_path / "kept")):
         run_all([], Options(cache=cache), lambda *_: None)
-        audits([], cache=cache)
+        audits([], Options(cache=cache))
     assert len(starts) == 2
 
 

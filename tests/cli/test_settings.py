@@ -35,11 +35,11 @@ def test_arguments_override_settings(tmp_path: Path, monkeypatch: pytest.MonkeyP
         "memory = 2\njobs = 3\nstrict = true\nout = 'found'\nbaseline = 'kept'\n",
     )
     options = parsed("run")
-    assert (options.engine, options.resolution, options.limit) == (["one", "two"], 1e-7, 90.0)
+    assert (options.engines, options.resolution, options.limit) == (["one", "two"], 1e-7, 90.0)
     assert (options.memory, options.jobs, options.strict) == (2.0, 3, True)
     assert (options.out, options.baseline) == (Path("found"), Path("kept"))
     overridden = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
-    assert (overridden.engine, overridden.jobs) == (["three", "four"], 1)
+    assert (overridden.engines, overridden.jobs) == (["three", "four"], 1)
     # A gate writes elsewhere.
     other = parsed("gate")
     assert (other.out, other.baseline) == (Path("reports/gate"), Path("kept"))

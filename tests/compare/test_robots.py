@@ -19,7 +19,7 @@ from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.segments import Ends
 from physics_crosscheck.harness.commands.compare.states import SampledStates
 from physics_crosscheck.harness.jobs.executor import InThisProcess
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.readers import RobotError
 from physics_crosscheck.harness.numerics.ladder import ExtrapolatedLimit
 from physics_crosscheck.harness.records.comparison import FileDifference
 from physics_crosscheck.records import ComparisonResult, Outcome

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_fields
 
+from physics_crosscheck.harness.checks.findings import robot_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import SystemTask, model_task
 from physics_crosscheck.harness.diagnosis import coverage as trials
 from physics_crosscheck.harness.diagnosis.coverage import count_numbers, count_robot
 from physics_crosscheck.harness.modelfiles.locations import literals
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
 from physics_crosscheck.harness.records.coverage import Coverage, Untested
@@ -202,14 +204,44 @@ def test_equal_models_share_a_line_and_unchecked_poses_are_noted() -> None:
     ]
 
 
-def test_what_no_engine_reads_is_one_line() -> None:
-    """Catch the ratio of a transmission that is lost among the numbers without effect."""
-    ratios = Untested(reason="transmissions", count=2, examples=("motorInertia", "reduction"))
-    parts = ("<contact> of <link>", "<mu1> of <gazebo>", "<static> of <gazebo> (2)", "dry friction",
-             "<kp> of <surface>", "<dampin> of <axis>", "<plugin> of <model>")  # fmt: skip
-    models = [model(coverage=Coverage(numbers=2, untested=(ratios,), left_out=parts))] * 2
-    assert unread_line(models) == (
-        "no engine reads <motorInertia> of <transmission>; <mu1>, <static> of <gazebo>;"
-        " <kp> of <surface>; <dampin> of <axis>"
-    )
-    assert unread_line([model(coverage=Coverage(left_out=parts[:1]))]) == ""
+MOTOR = """<transmission name="t"><joint name="j"/><actuator name="m">
+  <mechanicalReduction>{}</mechanicalReduction><motorInertia>6e-6</motorInertia>
+</actuator></transmission>"""
+URDF = """<robot name="r"><link name="base"/>
+<joint name="j" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+  {}</joint><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+</link>{}</robot>"""
+SDF = """<sdf version="1.7"><model name="m"><link name="a"/><link name="b"/>
+<joint name="j" type="revolute"><parent>a</parent><child>b</child>
+  <axis><xyz>0 1 0</xyz>{}</axis>{}</joint></model></sdf>"""
+
+
+@pytest.mark.parametrize(("suffix", "text", "line", "expected"), [
+    (".urdf", URDF.format("", MOTOR.format(113)), 0, "<mechanicalReduction>:5, <motorInertia>:5"),
+    (".urdf", URDF.format("", MOTOR.format("1.0")), 0, "<motorInertia>:5"),
+    (".urdf", URDF.format('<joint_properties damping="1"/>', ""), 0, "<joint_properties>:3"),
+    (".urdf", URDF.format("", '<gazebo reference="a"><mu1>1</mu1>\n<mu2>1</mu2></gazebo>'), 0,
+     "<mu1>:4, <mu2>:5"),
+    (".urdf", URDF.format("", "<gazebo>" + "".join(f"<a{i}/>" for i in range(13)) + "</gazebo>"),
+     0, ", ".join(f"<a{i}>:4" for i in range(8)) + " and 5 more"),
+    (".urdf", URDF.format('<dynamics dampin="1"/>', ""), 3, "did you mean damping?"),
+    (".urdf", URDF.format('<dynamcs damping="1"/>', ""), 3, "did you mean <dynamics>?"),
+    (".urdf", URDF.format('<limit effort="1" friction="1"/>', ""), 0, "friction:3"),
+    (".urdf", URDF.replace(' type="rev', ' damping="1" type="rev').format("", ""), 2,
+     "it belongs in <dynamics> of <joint>"),
+    (".sdf", SDF.format("", "<dynamics><damping>1</damping></dynamics>"), 3,
+     "it belongs in <axis> of <joint>"),
+    (".sdf", SDF.format("", "<damping>1</damping>"), 3, "it belongs in <axis>/<dynamics> of"),
+    (".sdf", SDF.format("<dynamics><dampin>1</dampin></dynamics>", ""), 3, "mean <damping>?"),
+])  # fmt: skip
+def test_unread_names_are_one_line_and_misspelled_ones_findings(
+    tmp_path: Path, suffix: str, text: str, line: int, expected: str
+) -> None:
+    """Catch a number that is lost, since engines skip names that their format does not have."""
+    file = tmp_path / f"robot{suffix}"
+    file.write_text(text)
+    findings = robot_findings(read_robot(file))
+    wrong = [one for one in findings if one.kind == "misspelled"]
+    assert [one.location.line for one in wrong if one.location] == [line] * bool(line)
+    shown = wrong[0].message if wrong else unread_line([model(audit=findings)])
+    assert shown.endswith(expected) or (wrong and expected in shown)

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.diagnosis.coverage import (
     summarized,
 )
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_bodies
+from physics_crosscheck.harness.documents import reading
 from physics_crosscheck.harness.engines.registry import engines, engines_reading
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
@@ -44,20 +45,27 @@ TEXT = "\n".join(
 
 
 @pytest.mark.parametrize(("name", "engine"), [("arm.urdf", "pybullet"), ("arm.xml", "mujoco")])
-def test_process_parses_a_file_once(
+def test_process_opens_and_parses_a_file_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, engine: str
 ) -> None:
-    """Catch a reader that parses by itself: an MJCF was parsed 45 times in one run."""
+    """Catch a reader that parses by itself, and lines of bodies that the page reads again."""
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
-    create = Mock(side_effect=expat.ParserCreate)
+    create, read, opened = Mock(side_effect=expat.ParserCreate), Path.read_bytes, list[Path]()
     monkeypatch.setattr(expat, "ParserCreate", create)
+
+    def counted(path: Path) -> bytes:
+        opened.append(path)
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
+    monkeypatch.setattr(reading, "SETTLED_SECONDS", -1.0)
     file = written(tmp_path, name, (CASES / name).read_text())
     task = model_task(prepare_tree(file), engine)
     assert [*negative_findings(file)] == []
     for step in (run_case, audit_terms, count_robot, diagnose_bodies):
         step(task)
-    assert create.call_count == 1
+    assert (create.call_count, opened.count(file)) == (1, 1)
 
 
 @pytest.mark.parametrize("engine", [one.name for one in engines_reading(".urdf")])

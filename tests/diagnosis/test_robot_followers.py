@@ -8,7 +8,7 @@ from physics_crosscheck.harness.checks.case import judge
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.records import Outcome
 from tests.models import written

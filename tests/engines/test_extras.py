@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck import check
-from physics_crosscheck.harness.commands.gate.survey import GateOptions, survey
+from physics_crosscheck.harness.commands.gate.survey import survey
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.registry import (
     absent_extras,
@@ -21,6 +21,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import Outcome
 from tests.engines.extras import need
 from tests.faults.known_folder import environment
@@ -104,9 +105,9 @@ def test_list_of_engines_shows_install_commands(capsys: pytest.CaptureFixture[st
 @pytest.mark.usefixtures("absent")
 def test_gate_keeps_accepted_results_of_missing_engines(tmp_path: Path) -> None:
     names = ("pinocchio", "mujoco", "pybullet")
-    state = survey([], GateOptions(baseline=tmp_path))
+    state = survey([], Options(baseline=tmp_path))
     assert [name for name in names if not state.includes(name)] == ["pinocchio"]
-    state = survey([], GateOptions(baseline=tmp_path, engines=("mujoco",)))
+    state = survey([], Options(baseline=tmp_path, engines=("mujoco",)))
     assert [name for name in names if not state.includes(name)] == ["pinocchio", "pybullet"]
 
 

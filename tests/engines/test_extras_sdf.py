@@ -243,7 +243,6 @@ def test_file_sets_step_and_gravity_unless_the_sidecar_does(name: str, tmp_path:
     ("revolute", "screw", ":6: joint 'j' is of type 'screw', which is not covered"),
     ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> of link 'a' is '0.5 kg'; expected a finite number"),
     ("</model>", "<link name='b'/></model>", "no joint holds 'b'"),
-    ("<mass>0.5</mass>", "<mass>0.5</mass><mass>0.6</mass>", ":3: a second <mass> in one"),
     ("<mass>0.5", "<mass>inf", ":3: <mass> of link 'a' is 'inf'; expected a finite number"),
     ("<axis><xyz>0 -1 0</xyz></axis>", "", ":6: joint 'j' has no <axis>"),
 ])  # fmt: skip

@@ -7,8 +7,7 @@ import pytest
 
 from physics_crosscheck.engine import Array, LoadedModel, ModelSpec, StateForce
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, unit_quaternion
 from tests.engines.test_readings import BELOW

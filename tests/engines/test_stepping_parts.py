@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Array, EngineError, ModelSpec, Spring, StateForce
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.runge_kutta import (
     BALL,

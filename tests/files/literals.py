@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.number import Number as FileNumber
+from physics_crosscheck.harness.documents.elements import Number as FileNumber
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 
 Number = tuple[str, str, str]

@@ -7,7 +7,7 @@ import pytest
 from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import SourceFile
 
 TEXT = """<robot  name='a&amp;b'><!-- kept -->
   <link name="l" ><mass value = "1e0"/></link >

@@ -15,12 +15,11 @@ import pytest
 from physics_crosscheck import System
 from physics_crosscheck.harness.documents import reading
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import SourceFile
 from physics_crosscheck.harness.interfaces.pytest_plugin.session import targets_under
 from physics_crosscheck.harness.modelfiles.bindings import bindings
 from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
-from physics_crosscheck.harness.modelfiles.locations import find
-from physics_crosscheck.harness.modelfiles.locations.literals import toml_literals
+from physics_crosscheck.harness.modelfiles.locations import find, toml_literals
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel, model_files
 from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError, read_sidecar

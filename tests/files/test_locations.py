@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from physics_crosscheck.harness.documents.elements import read_number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
-from physics_crosscheck.harness.documents.number import read_number
+from physics_crosscheck.harness.documents.reading import SourceFile
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
 from tests.models import written
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles.bindings import at_constants, bindings, with_literals
-from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.parametric_file import (
+from physics_crosscheck.harness.modelfiles.bindings import (
     UnboundError,
+    at_constants,
+    bindings,
     parametric_model_file,
+    with_literals,
 )
+from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
 from physics_crosscheck.reference.load import load_system
 from tests.models import written

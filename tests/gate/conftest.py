@@ -10,8 +10,8 @@ import pytest
 from physics_crosscheck.harness.commands.gate.accept import Acceptance, accept
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.modelfiles.folders import builtin
+from physics_crosscheck.harness.run import Options
 from tests.standing import keep_default_engines, shorten_scenarios, without
 
 SYSTEM = "mass_spring_damper"
@@ -47,7 +47,7 @@ class Repository:
 
     def gate(self, *engines: str, **options: Any) -> GateResult:
         folders = sorted(path.parent for path in self.root.glob("models/*/system.py"))
-        wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=1, **options)
+        wanted = Options(baseline=self.baseline, engines=engines, jobs=1, **options)
         return gate(folders, wanted, ignore_progress)
 
     def accept(self, reason: str, *patterns: str, result: GateResult | None = None) -> Acceptance:

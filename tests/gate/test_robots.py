@@ -20,7 +20,6 @@ from physics_crosscheck.harness.commands.gate.accept import Acceptance, AcceptEr
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
@@ -110,7 +109,7 @@ class Robots:
 
     def gate(self, *targets: Path, **options: Any) -> GateResult:
         chosen = targets or accepted_targets(self.baseline)
-        wanted = GateOptions(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
+        wanted = Options(baseline=self.baseline, engines=("mujoco",), jobs=1, **options)
         return gate(chosen, wanted, ignore_progress)
 
     def accept(self, reason: str, result: GateResult, *, untested: bool = False) -> Acceptance:
@@ -470,7 +469,7 @@ def test_file_rejected_by_an_engine_can_be_accepted(robots: Robots) -> None:
 
 
 def test_gate_runs_only_accepted_engines(robots: Robots) -> None:
-    wanted = GateOptions(baseline=robots.baseline, jobs=1)
+    wanted = Options(baseline=robots.baseline, jobs=1)
     robots.edit('mass value="1.3"', 'mass value="1.35"')
     result = gate([robots.arm], wanted, ignore_progress)
     assert statuses(result)[ARM_CASE] is Status.CHANGED

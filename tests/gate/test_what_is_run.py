@@ -17,7 +17,7 @@ from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import gate
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import GateOptions, survey
+from physics_crosscheck.harness.commands.gate.survey import survey
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.interfaces.cli.gate import code
 from physics_crosscheck.harness.interfaces.cli.main import main
@@ -53,7 +53,7 @@ def test_repeated_case_is_as_accepted(pristine: Repository) -> None:
 
 def chosen(repository: Repository) -> set[tuple[str, str]]:
     """Return the models to run, with their engines."""
-    state = survey([repository.folder], GateOptions(baseline=repository.baseline))
+    state = survey([repository.folder], Options(baseline=repository.baseline))
     return {(model, engine) for _, model, engine in state.chosen}
 
 
@@ -204,7 +204,7 @@ def test_failed_audit_does_not_pass_and_cannot_be_accepted(
 
 def gated(root: Path) -> GateResult:
     """Gate the folder, also where nothing changed."""
-    wanted = GateOptions(baseline=root / "baseline", jobs=1, every=True, diagnose=False)
+    wanted = Options(baseline=root / "baseline", jobs=1, every=True, diagnose=False)
     return gate([root / "ball"], wanted, lambda *_: None)
 
 

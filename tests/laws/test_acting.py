@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
 from physics_crosscheck.reference.laws.acting import Servo, pressed, rest_on
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.step import LawModel

@@ -15,8 +15,8 @@ from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.engines.mjcf_defaults import Defaults
 from physics_crosscheck.harness.engines.mjcf_source import read_source_mjcf
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.laws import law_model
 from physics_crosscheck.harness.modelfiles.mjcf.misread import ReadingCheck, check_reading
+from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
 from physics_crosscheck.records import Outcome
 from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, WELD
 

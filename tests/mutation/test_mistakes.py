@@ -23,6 +23,7 @@ from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import CauseId
 from tests.mutation.conftest import make_task, rows, subject, try_fault
 from tests.physics import physics
@@ -104,7 +105,7 @@ def test_all_faults_of_a_folder_are_tried_with_literals_first(copy_model: CopyMo
     names = ("STIFFNESS", "DAMPING")
     unbound = (("space.py.toml", f'{name} = "', f'# {name} = "') for name in names)
     folder = copy_model(MSD, "space.py", *unbound).model.parent
-    results = mutate([folder], progress, only=("pymunk",), workers=2)
+    results = mutate([folder], Options(engines=("pymunk",), jobs=2), progress)
     assert [r.location for r in results if r.kind is FaultKind.LITERAL] == ["MASS"] * len(FAULTS)
     assert [r.name for r in results if r.kind is not FaultKind.LITERAL] == [
         "a rest offset",

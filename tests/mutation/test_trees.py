@@ -28,6 +28,7 @@ from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded
 from physics_crosscheck.harness.render.terminal.progress import Counter
+from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import Mutation, Mutations
 from tests.models import written
 from tests.records.made import case
@@ -81,7 +82,7 @@ def test_wrong_number_is_named_or_has_no_effect(folder: Path) -> None:
 def test_folder_that_differs_is_refused(folder: Path) -> None:
     (folder / "m.xml").write_text(MODEL.replace('mass="2.0"', 'mass="2.1"'))
     with pytest.raises(MutationError, match=r"m\.xml: it does not agree with its equations"):
-        mutate([folder], lambda *_: None, workers=1)
+        mutate([folder], Options(jobs=1), lambda *_: None)
 
 
 def test_full_run_of_a_folder_of_bodies_has_an_error_of_order_1(folder: Path) -> None:
@@ -138,9 +139,8 @@ def test_engine_that_disagrees_is_skipped_if_another_agrees(
     arm.write_text(TIPPED)  # MuJoCo drops an inertia
     monkeypatch.setattr("physics_crosscheck.harness.commands.mutation.mutate.faults_of", mass_fault)
     warned = list[str]()
-    rows = mutate(
-        [arm], lambda *_: None, only=("mujoco", "pinocchio"), workers=1, warn=warned.append
-    )
+    options = Options(engines=("mujoco", "pinocchio"), jobs=1)
+    rows = mutate([arm], options, lambda *_: None, warned.append)
     assert {row.engine for row in rows} == {"pinocchio"}
     assert {row.system for row in rows} == {"swing"}
     numbers = [row for row in rows if row.kind is FaultKind.LITERAL]

@@ -17,7 +17,7 @@ from physics_crosscheck.harness.diagnosis.coverage import count_robot
 from physics_crosscheck.harness.engines.mujoco import MujocoModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
-from physics_crosscheck.harness.render.terminal.problems import difference
+from physics_crosscheck.harness.results.headline import difference
 from physics_crosscheck.records import Outcome
 from tests.models import robot_task, written
 from tests.poses.arm import (

@@ -6,9 +6,9 @@ import pytest
 
 from physics_crosscheck.harness.commands.gate.accept import accept
 from physics_crosscheck.harness.commands.gate.gate import gate
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.engines.registry import engines_to_run
 from physics_crosscheck.harness.interfaces.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.run import Options
 from tests.gate.conftest import ignore_progress
 from tests.pytest_plugin.conftest import Project
 from tests.robots.files import ARM, LAMP, TIPPED, UNLIMITED
@@ -165,7 +165,7 @@ def test_robot_files_cannot_be_accepted(
 def test_edit_since_the_baseline_fails_with_its_line(project: Project, robots: Path) -> None:
     """Catch an edit that no motion shows, as the gate does."""
     file, baseline = robots / "deep" / "lamp.xml", project.path / "reports" / "baseline"
-    wanted = GateOptions(baseline=baseline, engines=("mujoco",), jobs=1)
+    wanted = Options(baseline=baseline, engines=("mujoco",), jobs=1)
     accept(gate([file], wanted, ignore_progress), (), "first", baseline)
     selected = ("--crosscheck", "robots/deep/lamp.xml", "-m", "mujoco")
     project.run(*selected).assert_outcomes(passed=1, deselected=len(LIT) - 1)

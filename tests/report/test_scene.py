@@ -1,6 +1,5 @@
 """Bodies in 3-D: their positions, highlights, and lines in the file."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,16 +7,17 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.checks.scene import errors_record, scene_record
+from physics_crosscheck.harness.checks.scene import body_lines, errors_record, scene_record
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.numerics.stepping import StepDefects
 from physics_crosscheck.harness.render.html import write_report
-from physics_crosscheck.harness.render.html.scenes import body_lines, three_code
+from physics_crosscheck.harness.render.html.scenes import three_code
 from physics_crosscheck.records import CauseId, Diagnosis, Outcome, Results, SourceLine
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
+from tests.models import written
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import changed_model, explanation, located, results
 from tests.report.steps import needs_browser, sound, tab_to
@@ -87,7 +87,8 @@ def humanoid_results(folder: Path) -> tuple[Results, Tree, Segments, Array]:
     apart = np.random.default_rng(3).uniform(-1e-6, 1e-6, states.end.shape)
     apart[WORST] *= 100
     defects = StepDefects(defect=np.abs(apart), uncertainty=np.full_like(apart, 1e-12))
-    errors = errors_record(tree, states, names, defects, apart)
+    lines = body_lines(file, [body.name for body in scene.bodies])
+    errors = replace(errors_record(tree, states, names, defects, apart), lines=lines)
     line = next(i for i, row in enumerate(text.splitlines(), 1) if "2.97" in row)
     where = located(SourceLine(file="humanoid.xml", line=line), text, "2.97")
     cause = explanation(CauseId(kind="literal", subject=("geom[29]@mass",)), 1e-10, (), "there")
@@ -199,7 +200,9 @@ def test_bodies_follow_kinematics_with_time_and_amplifier(scene_tab: Tab, plante
 
 
 @needs_browser
-def test_lines_and_links_highlight_each_other(scene_tab: Tab, planted: Planted) -> None:
+def test_lines_and_links_highlight_each_other(
+    scene_tab: Tab, planted: Planted, tmp_path: Path
+) -> None:
     scene_tab.go(CASE)
     scene_tab.until(DRAWN)
     names = list(planted[1].frames)
@@ -223,7 +226,7 @@ def test_lines_and_links_highlight_each_other(scene_tab: Tab, planted: Planted) 
     scene_tab.mouse("mouseReleased", *spot, button="left", clickCount=1)
     chosen = scene_tab.run(f"{BOX}.viewer.chosen")
     assert chosen >= 0
-    first = body_lines(humanoid(), "humanoid.xml", names)[chosen][0][0]
+    first = body_lines(written(tmp_path, "r.xml", humanoid()), names)[chosen][0][0]
     scene_tab.until(f"{BOX}.querySelector('.owned').dataset.line === '{first}'")
     href = scene_tab.run(f"{BOX}.querySelector('.editor').href")
     assert href.startswith("vscode://file/")
@@ -255,7 +258,9 @@ def test_heat_map_and_sliders_work_by_mouse_and_keyboard(scene_tab: Tab, planted
 
 @pytest.mark.slow
 @needs_browser
-def test_keyboard_reaches_wrong_link_line_and_controls(scene_tab: Tab, planted: Planted) -> None:
+def test_keyboard_reaches_wrong_link_line_and_controls(
+    scene_tab: Tab, planted: Planted, tmp_path: Path
+) -> None:
     viewer = f"{BOX}.viewer"
     scene_tab.changed = True
     scene_tab.open(planted[0].as_uri())
@@ -281,7 +286,7 @@ def test_keyboard_reaches_wrong_link_line_and_controls(scene_tab: Tab, planted: 
     scene_tab.until(f"{viewer}.data.bodies[{viewer}.chosen]?.name === '{WRONG}'")
     tab_to(scene_tab, ".editor")
     names = list(planted[1].frames)
-    first = body_lines(humanoid(), "humanoid.xml", names)[names.index(WRONG)][0][0]
+    first = body_lines(written(tmp_path, "r.xml", humanoid()), names)[names.index(WRONG)][0][0]
     assert scene_tab.run("document.activeElement.href").endswith(f"humanoid.xml:{first}")
     tab_to(scene_tab, ".heat")
     state = scene_tab.run(f"{viewer}.state")
@@ -316,16 +321,18 @@ def test_page_without_bodies_has_no_scene_code(planted: Planted, tmp_path: Path)
     assert planted[0].stat().st_size < 1.5e6
 
 
-def test_lines_of_bodies_in_each_format() -> None:
+def test_lines_of_bodies_in_each_format(tmp_path: Path) -> None:
     """Assign URDF joints to child links, and end an MJCF body where the next begins."""
     urdf = "<robot>\n<link name='a'/>\n<link name='b'>\n</link>\n"
     urdf += "<joint name='j'>\n<parent link='a'/>\n<child link='b'/>\n</joint>\n</robot>"
-    assert body_lines(urdf, "r.urdf", ["a", "b"]) == (((2, 2),), ((3, 4), (5, 8)))
+    assert body_lines(written(tmp_path, "r.urdf", urdf), ["a", "b"]) == (
+        ((2, 2),),
+        ((3, 4), (5, 8)),
+    )
     bodies = "<body name='a'>\n<geom size='1'/>\n<body>\n</body>\n</body>\n"
     mjcf = f"<mujoco>\n<worldbody>\n{bodies}</worldbody>\n</mujoco>"
-    assert body_lines(mjcf, "r.xml", ["a", "body_2"]) == (((3, 4),), ((5, 6),))
-    assert body_lines("<not", "r.xml", ["a"]) == ((),)
-    assert json.dumps(body_lines("", "r.sdf", ["a"])) == "[[]]"
+    assert body_lines(written(tmp_path, "r.xml", mjcf), ["a", "body_2"]) == (((3, 4),), ((5, 6),))
+    assert body_lines(written(tmp_path, "not.xml", "<not"), ["a"]) == ()
 
 
 @needs_browser

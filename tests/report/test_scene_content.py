@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from physics_crosscheck.engine import ModelSpec
 from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
-from physics_crosscheck.harness.checks.scene import errors_record, inertia_records
+from physics_crosscheck.harness.checks.scene import body_lines, errors_record, inertia_records
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.engines.urdf import SETTINGS
@@ -82,6 +82,8 @@ def arm_results(folder: Path) -> Results:
     agrees = np.full_like(target.samples.start, 1e-15)
     defects = StepDefects(defect=agrees, uncertainty=10 * agrees)
     errors = errors_record(target.tree, target.samples, target.names, defects, None, inertias)
+    names = [body.name for body in target.record.scene.bodies]
+    errors = replace(errors, lines=body_lines(file, names))
     sample = results(1)
     named = {"model": "arm.xml", "folder": str(file)}
     sample = changed_model(sample, 0, text=ARM, diagnosis=None, **named)

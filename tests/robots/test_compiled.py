@@ -14,8 +14,7 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, read_compiled_robot
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.readers import RobotError, read_robot, robot_system
 from physics_crosscheck.records import Outcome
 from tests.models import edited, written
 from tests.robots.planted import PreparedFile, prepare_file

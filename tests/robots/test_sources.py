@@ -19,9 +19,9 @@ from physics_crosscheck.harness.documents.expanded import (
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.folders import FolderError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, read_mesh
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
+from physics_crosscheck.harness.run import Options
 from tests.compare.asking import compared, result
 from tests.models import written
 
@@ -71,7 +71,7 @@ def test_finding_in_a_macro_names_its_line_in_the_source(package: Path) -> None:
     assert file is not None
     assert file.name == "arm.urdf"
     assert [part.name for part in read_robot(file).parts] == ["base", "upper", "fore"]
-    (audit,) = audits([file], engines=("mujoco",))
+    (audit,) = audits([file], Options(engines=("mujoco",)))
     places = [one.location for one in audit.findings if one.location is not None]
     assert {place.file for place in places} == {str(macros)}
     lines = [MACROS.splitlines()[(place.line or 0) - 1].strip() for place in places]
@@ -230,6 +230,10 @@ def test_urdf_without_inertia_is_compared_by_poses(
     assert "3 links in 2 bodies, without masses" in shown
     assert "digits  poses only" in shown
     assert re.search(r"with \d+ limits", shown)
+    zeros = '<inertial><mass value="0.0"/><inertia ixx="0" iyy="-0" izz="0"/></inertial>'
+    file.write_text(re.sub(r"(<link name=.[ab].)/>", rf"\1>{zeros}</link>", PLANNED))
+    assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
+    assert "digits  poses only" in capsys.readouterr().out
     file.write_text(PLANNED.replace('lower="0"', 'lower="zero"'))
     main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")])
     assert "planned.urdf:6" in (shown := capsys.readouterr().out)

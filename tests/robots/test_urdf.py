@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError, robot_system
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_system
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, left_out, link, read, read_text, tree_of

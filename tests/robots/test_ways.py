@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles import formats, readers
-from physics_crosscheck.harness.modelfiles.formats import FORMATS, Format
+from physics_crosscheck.harness.modelfiles import folders, readers
+from physics_crosscheck.harness.modelfiles.folders import FORMATS, Format
 from physics_crosscheck.harness.modelfiles.robot import refused
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files, robots_below
 from physics_crosscheck.records import Outcome
@@ -198,7 +198,7 @@ def test_registered_format_is_read_by_its_package(
     other.write_text("{}")
     assert robot_files([str(file)]).files == [file]
     assert robots_below(tmp_path) == [file]
-    assert formats.syntax_problem(file) == ""
+    assert folders.syntax_problem(file) == ""
     assert readers.read_robot(file).name == "toy"
     assert str(readers.robot_numbers(file, {})) == "toy"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.extras.sweep.draws import Design
 from physics_crosscheck.harness.extras.sweep.factors import factors
-from physics_crosscheck.harness.extras.sweep.main import Wanted, planned
+from physics_crosscheck.harness.extras.sweep.main import planned
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan, SweepOptions
 from physics_crosscheck.harness.jobs.workers import Workers
 from tests.faults.known_folder import ROOT, one_scenario
@@ -41,4 +41,4 @@ def options(
 
 
 def plan_of(folder: Path, options: SweepOptions, workers: Workers) -> CasePlan:
-    return planned(options, Wanted(places=[folder]), workers)
+    return planned(options, [folder], workers)

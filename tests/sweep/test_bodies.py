@@ -12,7 +12,7 @@ from physics_crosscheck.harness.extras.sweep.factors import SweepError
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.records import Outcome
 from tests.mutation.test_trees import MODEL, SYSTEM

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.extras.sweep.planned import Block
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.workers import Workers
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.harness.render.html.sweep import render_sweep

@@ -21,7 +21,7 @@ from physics_crosscheck.harness.extras.sweep.factors import (
     factors,
     matching_factors,
 )
-from physics_crosscheck.harness.extras.sweep.main import Wanted, planned, run_single, sweep
+from physics_crosscheck.harness.extras.sweep.main import planned, run_single, sweep
 from physics_crosscheck.harness.extras.sweep.plan import SweepOptions
 from physics_crosscheck.harness.extras.sweep.store import done, locked_rows, parts, read_rows
 from physics_crosscheck.harness.jobs.workers import Workers
@@ -248,7 +248,7 @@ def test_systems_with_different_constants_can_share_a_sweep(
     for name in ("mujoco.xml", "mujoco.xml.toml"):
         shutil.copy(ROOT / "models" / "torsional_disc" / name, torsion / name)
     chosen = replace(options("m=1:2", "J=0.01:0.03", count=1), engines=("mujoco",))
-    whole = planned(chosen, Wanted(places=[folder, torsion]), workers)
+    whole = planned(chosen, [folder, torsion], workers)
     sweep(whole, tmp_path / "rows", workers, ignore_progress)
     rows = {row.system: row for row in read_rows(tmp_path / "rows")}
     assert {name: set(row.constants) for name, row in rows.items()} == {

@@ -15,8 +15,7 @@ import sympy as sp
 from physics_crosscheck import DeclarationError, Equilibrium, MultibodySystem, System
 from physics_crosscheck.harness.checks.derivation import derivation, tree_derivation
 from physics_crosscheck.harness.commands.scaffold.from_model import from_model
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_bodies
 from physics_crosscheck.harness.render.html.maths import mathml
 from physics_crosscheck.harness.render.terminal.equations import DerivedPage, describe
 from physics_crosscheck.reference.load import load_declaration, load_system

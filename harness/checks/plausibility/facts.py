@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -121,7 +121,7 @@ class RobotFacts:
     @cached_property
     def documents(self) -> tuple[Document, ...]:
         """The file and its includes, where they are XML."""
-        return tuple(_documents(self.robot.file))
+        return tuple(documents_of(self.robot.file))
 
     @cached_property
     def rest(self) -> Mapping[str, float]:
@@ -149,13 +149,9 @@ class RobotFacts:
 
     def line(self, tag: str, name: str, child: str = "") -> SourceLine:
         """Return the line of a named element, or of its child if it has that one."""
-        for document in self.documents:
-            for element in document.root.iter(tag):
-                if element.get("name") == name:
-                    inner = element.find(child) if child else None
-                    place = inner or element
-                    return SourceLine(file=str(document.path), line=document.line(place))
-        return SourceLine(file=str(self.robot.file), line=None)
+        return element_line(self.documents, tag, name, child) or SourceLine(
+            file=str(self.robot.file), line=None
+        )
 
     def inertial_line(self, link: str) -> SourceLine:
         """Return the line of a link's `<inertial>`, or of the link."""
@@ -234,7 +230,20 @@ def _mesh_corners(file: Path) -> Array:
     return extreme_points(mesh_vertices(file))
 
 
-def _documents(file: Path) -> Iterator[Document]:
+def element_line(
+    documents: Iterable[Document], tag: str, name: str, child: str = ""
+) -> SourceLine | None:
+    """Return the line of a named element, or of its child if it has that one; None without it."""
+    for document in documents:
+        for element in document.root.iter(tag):
+            if element.get("name") == name:
+                place = (element.find(child) if child else None) or element
+                return SourceLine(file=str(document.path), line=document.line(place))
+    return None
+
+
+def documents_of(file: Path) -> Iterator[Document]:
+    """Yield a file and its includes, where they are XML."""
     try:
         paths = parts_of(file) if file.suffix == COMPILED else (file,)
     except EngineError:

@@ -506,6 +506,18 @@ def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
                         )
 
 
+def repeated_elements(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield elements without effect, since engines that load the file take the one before."""
+    for element in facts.robot.repeated:
+        yield Advice(
+            kind="repeated element",
+            subject=(element.sentence,),
+            message=f"{element.sentence}: engines take the first, or refuse the file. "
+            "Keep one of them",
+            line=SourceLine(file=str(element.file), line=element.line),
+        )
+
+
 def _named(body: WeldedBody) -> str:
     """Return the name of a body's heaviest link, and how many links are welded to it."""
     others = len(body.parts) - 1
@@ -593,6 +605,7 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     weak_drives,
     damping_ratios,
     negative_limits,
+    repeated_elements,
 )
 """Functions that yield advice about a file."""
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
 from physics_crosscheck.reference.mechanism.numeric import Array

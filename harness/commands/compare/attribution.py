@@ -18,8 +18,8 @@ from physics_crosscheck.harness.engines.protocol import Array, EngineError, Load
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, read_source
+from physics_crosscheck.harness.modelfiles.numbers import copy_with_texts
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import FileDifference, FileEdit
 from physics_crosscheck.reference.solving.segments import Segments, even_indices

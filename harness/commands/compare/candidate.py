@@ -14,15 +14,23 @@ from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedMod
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.modelfiles.folders import FolderError, similar_path
-from physics_crosscheck.harness.modelfiles.formats import FORMATS, syntax_problem
+from physics_crosscheck.harness.modelfiles.folders import (
+    FORMATS,
+    FolderError,
+    similar_path,
+    syntax_problem,
+)
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, read_as_it_runs, read_robot
+from physics_crosscheck.harness.modelfiles.readers import (
+    FOLLOWERS,
+    names_of,
+    read_as_it_runs,
+    read_robot,
+)
 from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
-from physics_crosscheck.harness.modelfiles.robot_system import names_of
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.reference.mechanism.tree import Tree
 

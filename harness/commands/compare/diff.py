@@ -12,6 +12,7 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import (
+    Number,
     XmlElement,
     attribute_spans,
     end_offset,
@@ -19,8 +20,7 @@ from physics_crosscheck.harness.documents.elements import (
     text_span,
 )
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile, Span, apply_edits
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.reading import SourceFile, Span, apply_edits
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, find, read_source
 from physics_crosscheck.harness.modelfiles.locations.xml import find_words
 from physics_crosscheck.harness.records.base import SourceLine

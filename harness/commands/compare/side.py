@@ -14,8 +14,8 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
+from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
-from physics_crosscheck.harness.modelfiles.robot_system import names_of
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations

@@ -14,8 +14,8 @@ from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.baseline.stale import location
 from physics_crosscheck.harness.baseline.store import write_baseline
+from physics_crosscheck.harness.modelfiles.code_reads import digest_of
 from physics_crosscheck.harness.modelfiles.folders import FolderError
-from physics_crosscheck.harness.modelfiles.path_states import digest_of
 from physics_crosscheck.harness.records.baseline import AcceptedCase, AcceptedDeclaration
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.diff import Status

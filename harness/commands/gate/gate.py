@@ -14,7 +14,7 @@ import difflib
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,26 +36,30 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 )
 from physics_crosscheck.harness.baseline.stale import match
 from physics_crosscheck.harness.baseline.store import accepted_text, named_targets, read_baseline
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.expanded import in_source, source_of
-from physics_crosscheck.harness.documents.number import Number
-from physics_crosscheck.harness.modelfiles.folders import builtin
-from physics_crosscheck.harness.modelfiles.formats import is_robot
+from physics_crosscheck.harness.modelfiles.code_reads import ABSENT, digest
+from physics_crosscheck.harness.modelfiles.folders import builtin, is_robot
 from physics_crosscheck.harness.modelfiles.locations import find_in
 from physics_crosscheck.harness.modelfiles.parts import included
-from physics_crosscheck.harness.modelfiles.path_states import ABSENT, digest
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file, source_files
-from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import (
+    robots_below,
+    source_file,
+    source_files,
+)
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.planning.options import Options, Selection
+from physics_crosscheck.harness.planning.result_builder import Progress
 from physics_crosscheck.harness.records.baseline import AcceptedCase, ChangedLine, FileDiff
-from physics_crosscheck.harness.records.case import Case, ModelId
+from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.status import counted
 from .result import GateResult
-from .survey import GateOptions, Survey, by_name, is_expected, survey, was_left_alone
+from .survey import Survey, by_name, is_expected, survey, was_left_alone
 
 if TYPE_CHECKING:
     from physics_crosscheck.harness.run import Run
@@ -238,11 +242,7 @@ def _short(line: str) -> str:
     return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
 
 
-Progress = Callable[[int, int, Case | None], None]
-"""Called with (cases done, known cases, the case just done or None)."""
-
-
-def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> GateResult:
+def gate(targets: Sequence[Path], options: Options, progress: Progress) -> GateResult:
     """Compare every case of folders and robot files with the baseline, running those that changed.
 
     Raises:
@@ -263,7 +263,7 @@ def gate(targets: Sequence[Path], options: GateOptions, progress: Progress) -> G
     changes.sort(key=lambda c: (order.index(c.status), -c.diff.size, c.id.system))
     return GateResult(
         changes=tuple(changes),
-        file_diffs=file_diffs(changes, names, options.baseline),
+        file_diffs=file_diffs(changes, names, state.place),
         results=ran.results if ran else None,
         folders=names,
         baseline=state.systems,
@@ -341,32 +341,24 @@ def _accepted(baseline: Path) -> set[Path]:
     return {(baseline / name).resolve() for name, is_file in named_targets(baseline) if is_file}
 
 
-def _run(state: Survey, options: GateOptions, progress: Progress) -> Run:
-    from physics_crosscheck.harness.run import Options, Selection, run
+def _run(state: Survey, options: Options, progress: Progress) -> Run:
+    from physics_crosscheck.harness.run import run
 
     robots = {scan.folder: scan.robot for scan in state.running if scan.robot is not None}
     selection = Selection(models=state.chosen, snapshot=state.snapshot, diagnose=options.diagnose)
     return run(
         [scan.folder for scan in state.running if scan.folder not in robots],
-        Options(
-            engines=options.engines,
-            resolution=options.resolution,
-            jobs=options.jobs,
-            limits=options.limits,
-            selection=selection,
-            robots=robots,
-            thorough=options.thorough,
-        ),
+        replace(options, selection=selection, robots=robots),
         progress,
         robots=list(robots),
     )
 
 
 def _of_run(
-    ran: Run, names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
+    ran: Run, names: Mapping[str, FolderFiles], state: Survey, options: Options
 ) -> Iterator[Change]:
     """Yield the changes of the cases that were run."""
-    again = {scan.folder: hashed_again(scan, options.baseline) for scan in state.running}
+    again = {scan.folder: hashed_again(scan, state.place) for scan in state.running}
     # After a failed declaration only the folder is known; the baseline gives the system's name.
     systems = {str(scan.folder): name for name, scan in names.items()}
     for case in ran.results.cases:
@@ -385,7 +377,7 @@ def _of_run(
 
 
 def _of_the_rest(
-    ran: Sequence[Change], names: Mapping[str, FolderFiles], state: Survey, options: GateOptions
+    ran: Sequence[Change], names: Mapping[str, FolderFiles], state: Survey, options: Options
 ) -> Iterator[Change]:
     """Yield the changes of accepted cases that were not run: unchanged, or gone."""
     seen = {change.id for change in ran}

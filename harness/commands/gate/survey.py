@@ -1,9 +1,9 @@
-"""Options of the gate, and its state before a run: the baseline, the files and their changes."""
+"""State of the gate before a run: the baseline, the files and their changes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -21,43 +21,15 @@ from physics_crosscheck.harness.baseline.stale import (
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.documents.expanded import source_of
 from physics_crosscheck.harness.engines.registry import absent_extras
-from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.modelfiles.folders import FolderError
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.results import Results
 
 ModelInEngine = tuple[str, str, str]
 """(folder, model file, engine)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GateOptions:
-    """Options of the gate.
-
-    Attributes:
-        baseline: folder of the accepted baseline.
-        engines: engines to run; empty: all.
-        every: whether to run unchanged cases too.
-        diagnose: whether to find the cause of each difference, which takes longer.
-        resolution, jobs, limits: as in `harness.run.Options`.
-        thorough: whether every check of a case runs.
-        floating, model: the same for robot files; default: as accepted.
-        parents: folders whose systems are all given, so that a missing system counts as gone; None:
-            expect every system of the baseline.
-    """
-
-    baseline: Path
-    engines: tuple[str, ...] = ()
-    every: bool = False
-    diagnose: bool = False
-    resolution: float = 1e-9
-    jobs: int = 0
-    limits: Limits = field(default_factory=Limits)
-    floating: bool = False
-    model: str = ""
-    parents: tuple[Path, ...] | None = None
-    thorough: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,17 +80,18 @@ class Survey(Accepted):
         return next(filter(None, map(accepted.snapshot, others)), None)
 
 
-def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
+def survey(targets: Sequence[Path], options: Options) -> Survey:
     """Read the baseline and hash the folders and robot files.
 
     Raises:
         BaselineError: for an invalid baseline.
         OSError: for an unreadable file.
     """
-    systems = read_baseline(options.baseline)
-    pairs = [_scan(target, systems, options) for target in targets]
+    place = options.baseline or DEFAULT_FOLDER
+    systems = read_baseline(place)
+    pairs = [_scan(target, place, systems, options) for target in targets]
     return Survey(
-        place=options.baseline,
+        place=place,
         systems=systems,
         folders={str(scan.folder): (scan, accepted) for scan, accepted in pairs},
         versions=versions(),
@@ -130,11 +103,11 @@ def survey(targets: Sequence[Path], options: GateOptions) -> Survey:
 
 
 def _scan(
-    target: Path, baseline: Mapping[str, SystemBaseline], options: GateOptions
+    target: Path, place: Path, baseline: Mapping[str, SystemBaseline], options: Options
 ) -> tuple[FolderFiles, SystemBaseline | None]:
     robot = robot_options(target, floating=options.floating, model=options.model)
     given = None if robot == RobotOptions() else robot
-    return scan_target(target, options.baseline, baseline, options.engines, given)
+    return scan_target(target, place, baseline, options.engines, given)
 
 
 def by_name(state: Survey, results: Results | None) -> dict[str, FolderFiles]:
@@ -163,9 +136,9 @@ def by_name(state: Survey, results: Results | None) -> dict[str, FolderFiles]:
     return names
 
 
-def is_expected(system_baseline: SystemBaseline, options: GateOptions, state: Survey) -> bool:
+def is_expected(system_baseline: SystemBaseline, options: Options, state: Survey) -> bool:
     """Return whether a system of the baseline should be among the given folders and robot files."""
-    file = (options.baseline / system_baseline.declared.folder).resolve()
+    file = (state.place / system_baseline.declared.folder).resolve()
     if system_baseline.robot is not None and file.exists():
         # A model that its file no longer has is gone.
         return not options.model and file in {source_of(Path(p)).resolve() for p in state.folders}
@@ -174,7 +147,7 @@ def is_expected(system_baseline: SystemBaseline, options: GateOptions, state: Su
     if system_baseline.robot is not None:
         return any(file.is_relative_to(path.resolve()) for path in options.parents)
     parent = system_baseline.declared.folder.rpartition("/")[0]
-    return parent in {location(path, options.baseline) for path in options.parents}
+    return parent in {location(path, state.place) for path in options.parents}
 
 
 def was_left_alone(

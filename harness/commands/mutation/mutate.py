@@ -21,8 +21,6 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
-from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS, Limits
-from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
     chosen_engines,
@@ -30,6 +28,7 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     model_path,
 )
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.mutation import Mutation
 from .judge import MutationTask, mutated, refused
 from .survey import FaultSurvey, MutationError, survey
@@ -41,37 +40,25 @@ Progress = Callable[[int, int, Mutation | None], None]
 
 def mutate(
     targets: Sequence[Path],
+    options: Options,
     progress: Progress,
-    *,
-    only: Sequence[str] = (),
-    workers: int = 2,
-    limits: Limits | None = None,
-    choice: CaseSelection = CaseSelection(),  # noqa: B008  # frozen
-    floating: bool = False,
-    model: str = "",
-    thorough: bool = False,
     warn: Callable[[str], object] = lambda _: None,
 ) -> list[Mutation]:
     """Plant every known fault in models; skip engines that are not installed.
 
     Args:
         targets: system folders and robot files.
+        options: engines, models, workers, and limits of one fault, as of a run.
         progress: called after every fault.
-        only: engines; empty: all.
-        workers: processes.
-        limits: limits of one fault.
-        choice: the models of folders to use.
-        floating, model: options for reading robot files, as in `read_robot`.
-        thorough: whether every check of a robot file runs.
         warn: called with a sentence for each engine that does not agree with a sound robot file.
 
     Raises:
         MutationError: for a model that is not sound; the message names file and remedy. A robot
             file is sound if it agrees with its equations in one engine.
     """
-    plan = _Plan(only, progress, choice, thorough)
-    preparing = partial(prepare, described=False, floating=floating, model=model)
-    with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
+    plan = _Plan(options, progress)
+    preparing = partial(prepare, described=False, floating=options.floating, model=options.model)
+    with executor(jobs=options.jobs, limits=options.limits) as pool:
         run_jobs((plan.target(one, preparing) for one in targets), pool)
     for sentence in plan.unsound_engines():
         warn(sentence)
@@ -90,10 +77,8 @@ class _Plan:
         planned: number of faults so far.
     """
 
-    only: Sequence[str]
+    options: Options
     progress: Progress
-    choice: CaseSelection
-    thorough: bool
     unsound: dict[Path, list[str]] = field(default_factory=dict)
     sound: set[Path] = field(default_factory=set)
     placed_rows: list[tuple[int, Mutation]] = field(default_factory=list)
@@ -134,7 +119,7 @@ class _Plan:
             path, sidecar = model_path(file), file if isinstance(file, Sidecar) else None
             unsound = partial(self._robot_unsound if standalone else _unsound, path)
             if isinstance(prepared, PreparedTree):
-                tree = model_task(prepared, engine, sidecar, thorough=self.thorough)
+                tree = model_task(prepared, engine, sidecar, thorough=self.options.thorough)
                 done = partial(self._tree_faults, path)
                 yield Job(task=Task(faults_of, tree), done=done, failed=unsound)
             else:
@@ -181,9 +166,9 @@ class _Plan:
         for file in [place] if place.is_file() else model_files(place):
             if isinstance(file, UnreadModel):
                 raise MutationError(file.reason)
-            for engine in _installed(chosen_engines(file, self.only)):
+            for engine in _installed(chosen_engines(file, self.options.engines)):
                 name = model_path(file).name
-                if place.is_file() or self.choice.includes_model(str(place), name, engine):
+                if place.is_file() or self.options.choice.includes_model(str(place), name, engine):
                     yield file, engine
 
     def _row(self, place: int, row: Mutation) -> tuple[()]:

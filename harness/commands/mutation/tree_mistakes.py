@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from physics_crosscheck.harness.checks.task import TreeTask
 from physics_crosscheck.harness.diagnosis.law_problem import LawProblem
 from physics_crosscheck.harness.diagnosis.robot_problem import AXIS, joint_of
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.numbers import ModelFile

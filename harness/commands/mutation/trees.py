@@ -29,11 +29,10 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     ranked,
 )
 from physics_crosscheck.harness.diagnosis.trial import scratch
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import original_paths
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
+from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile, copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError

@@ -6,11 +6,10 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.registry import default_engines
-from physics_crosscheck.harness.modelfiles.folders import FolderError
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
+from physics_crosscheck.harness.modelfiles.folders import FORMATS, FolderError
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_sources import source_file
+from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.results.visible import odd_name, visible
 from .folder import NewError
 from .from_tree import from_tree

@@ -23,9 +23,8 @@ from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import default_engines
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts, parts
-from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.readers import read_robot, summary
 from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_system import summary
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.load import load_declaration

@@ -17,12 +17,18 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.rotations import Array, to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Kind
-from ..document import Document
+from ..document import (
+    GRAVITY,
+    Document,
+    FileLink,
+    Mimic,
+    add_loop_problems,
+    attach_child,
+    free_name,
+)
 from ..elements import XmlElement
 from ..errors import quote
-from ..tree import GRAVITY, FileLink, Mimic, add_loop_problems, attach_child, free_name
-from .frames import MODEL, WORLD, SdfFrames, inverse, read_pose
-from .shapes import automatic_inertia, is_automatic
+from .frames import MODEL, WORLD, SdfFrames, automatic_inertia, inverse, is_automatic, read_pose
 
 _UNCOVERED: Mapping[str, str] = {
     "include": "write what it includes into the file (gz sdf -p FILE)",

@@ -10,8 +10,8 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.frames import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile, SdfJoint
-from physics_crosscheck.harness.documents.sdf.shapes import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.sdf import number
 from physics_crosscheck.harness.engines.sdf_sidecar import VERSION, sdf_without_bounds_of

@@ -27,11 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document, finite_numbers
+from physics_crosscheck.harness.documents.document import Document, Mimic, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.sdf.read import has_no_weight
-from physics_crosscheck.harness.documents.tree import Mimic
 from physics_crosscheck.harness.engines.drake.model import (
     CONTINUOUS,
     SAP,

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.engines.drake.plant import (
     SIZES,
     DiscreteSteps,

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.schema import similar
 from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
 from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
 from physics_crosscheck.harness.engines.source import (
@@ -271,4 +274,33 @@ def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) ->
         True for _ in xml_sources[0].root.iter("include")
     )
     known_line = int(line[1]) if line and is_only_file else None
-    return EngineError(f"MuJoCo can't load it: {reason}", file=path, line=known_line)
+    return EngineError(f"MuJoCo can't load it: {reason}{_hint(reason)}", file=path, line=known_line)
+
+
+_UNRECOGNIZED = re.compile(r"unrecognized (attribute|element).*?(?:'(\w+)' )?Element '(\w+)'")
+
+
+def _hint(reason: str) -> str:
+    """Return the name in MuJoCo's schema that an unrecognized one probably stands for."""
+    match = _UNRECOGNIZED.search(reason)
+    if match is None:
+        return ""
+    tags = _schema()
+    is_element = match[1] == "element"
+    written = match[3] if is_element else match[2] or ""
+    close = similar(written, tags if is_element else tags[match[3]])
+    return f"; did you mean {f'<{close}>' if is_element else close}?" if close else ""
+
+
+@lru_cache(maxsize=1)
+def _schema() -> Mapping[str, Collection[str]]:
+    """Return attributes by element, as MuJoCo prints them; empty for an unlisted element."""
+    names: dict[str, set[str]] = defaultdict(set)
+    tag = ""
+    import mujoco  # it is loaded, as its error shows
+
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        start = re.match(r" *(?:\(world\))?(\w+) \([!*?R]\)", line)
+        tag = start[1] if start else tag
+        names[tag].update(line[start.end() if start else 0 :].split())
+    return names

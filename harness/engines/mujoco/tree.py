@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.engines.compiled import (
     CompiledActuator,
     CompiledShape,
@@ -374,8 +375,8 @@ def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:
         return mujoco.MjSpec.from_file(str(path))
     others = {}
     for part in included(path)[1:]:
-        others[str(part.relative_to(path.parent))] = texts.get(part) or part.read_bytes()
-    text = texts.get(path) or path.read_bytes()
+        others[str(part.relative_to(path.parent))] = texts.get(part) or read_regular(part)
+    text = texts.get(path) or read_regular(path)
     tree = mujoco.MjSpec.from_string(text.decode("utf-8"), include=others or None)
     tree.modelfiledir = f"{path.parent}/"
     return tree

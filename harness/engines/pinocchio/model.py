@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.engines.pinocchio.reading import frames, lift_models
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.engines.runge_kutta import FREE

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.tree import Mimic
+from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.urdf import UrdfFile
 from physics_crosscheck.harness.engines.installed import capture_output, version_of
 from physics_crosscheck.harness.engines.protocol import (

@@ -46,6 +46,7 @@ _VARIANTS = (
     option(
         "Variants",
         "--draws",
+        dest="count",
         type=arguments.positive,
         default=None,
         metavar="N",
@@ -69,6 +70,7 @@ _VARIANTS = (
     option(
         "Variants",
         "--step",
+        dest="steps",
         type=_steps,
         default=(),
         metavar="SECONDS,...",
@@ -77,6 +79,7 @@ _VARIANTS = (
     option(
         "Variants",
         "--integrator",
+        dest="integrators",
         action=arguments.AppendAction,
         default=[],
         metavar="NAME",
@@ -108,6 +111,7 @@ COMMAND = Command(
         option(
             "Selection",
             "--scenario",
+            dest="scenarios",
             action=arguments.AppendAction,
             default=[],
             metavar="NAME",

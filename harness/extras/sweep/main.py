@@ -23,7 +23,6 @@ import numpy as np
 import scipy
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
-from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     AGREE,
     DIFFER,
@@ -32,17 +31,16 @@ from physics_crosscheck.harness.interfaces.cli.exit_codes import (
     USAGE,
 )
 from physics_crosscheck.harness.interfaces.cli.report import check_page
-from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets
+from physics_crosscheck.harness.interfaces.cli.targets import resolve_targets, run_options
 from physics_crosscheck.harness.jobs.chosen import executor
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop, asking
-from physics_crosscheck.harness.modelfiles.choice import NamedModel
+from physics_crosscheck.harness.modelfiles.choice import CaseSelection
+from physics_crosscheck.harness.modelfiles.code_reads import UNKNOWN, digest_of
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.modelfiles.input_files import input_files
-from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, digest_of
+from physics_crosscheck.harness.modelfiles.parts import input_files, part_digests
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
@@ -182,20 +180,7 @@ Progress = Callable[[int, int, SweepRow | None], None]
 """Called with the number of finished cases, the total, and one finished case."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """Targets of a sweep.
-
-    Attributes:
-        places: system folders and robot files.
-        models: selected models of folders that are not swept whole.
-    """
-
-    places: Sequence[Path]
-    models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
-
-
-def make_executor(options: SweepOptions, wanted: Wanted) -> Executor:
+def make_executor(options: SweepOptions, places: Sequence[Path]) -> Executor:
     """Return the executor of a sweep: workers of this machine or of a cluster.
 
     Raises:
@@ -205,12 +190,12 @@ def make_executor(options: SweepOptions, wanted: Wanted) -> Executor:
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
-        files=partial(input_files, wanted.places),
+        files=partial(input_files, places),
         engines=options.engines,
     )
 
 
-def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePlan:
+def planned(options: SweepOptions, places: Sequence[Path], workers: Executor) -> CasePlan:
     """Plan a sweep.
 
     Raises:
@@ -219,7 +204,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePla
     surveys: dict[str, SourceSurvey] = {}
 
     def job(place: Path) -> Job[SourceSurvey]:
-        models = wanted.models.get(str(place), ())
+        models = options.choice.models.get(str(place), ())
         task = SurveyTask(
             folder=str(place),
             content=content_of(place),
@@ -239,8 +224,8 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> CasePla
 
         return Job(task=Task(survey, task), done=surveyed, failed=failed)
 
-    run_jobs(map(job, wanted.places), workers)
-    return plan(options, [surveys[str(place)] for place in wanted.places])
+    run_jobs(map(job, places), workers)
+    return plan(options, [surveys[str(place)] for place in places])
 
 
 def plan_record(whole: CasePlan) -> SweepPlan:
@@ -400,13 +385,15 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    check_engines(options.engine)
+    check_engines(options.engines)
     if options.only is None:
         check_page(options.out / "index.html")
-    wanted = _wanted(options)
-    sweep_options = _sweep_options(options)
-    with make_executor(sweep_options, wanted) as workers, asking() as stop:
-        whole = planned(sweep_options, wanted, workers)
+    targets = resolve_targets(options.folders, standalone=options.standalone)
+    if targets.named.faults:
+        raise FolderError("; ".join(targets.named.faults.values()))
+    sweep_options = _sweep_options(options, targets.choice)
+    with make_executor(sweep_options, targets.paths) as workers, asking() as stop:
+        whole = planned(sweep_options, targets.paths, workers)
         for line in whole.left_out:
             print(f"crosscheck: skipped: {line}", file=sys.stderr)
         if options.only is not None:
@@ -427,30 +414,15 @@ def _stopped(stop: Stop, out: Path) -> int:
     return SIGNALLED + stop.number
 
 
-def _wanted(options: argparse.Namespace) -> Wanted:
-    """Return the selected folders, models and robot files."""
-    targets = resolve_targets(options.folders, standalone=options.standalone)
-    if targets.named.faults:
-        raise FolderError("; ".join(targets.named.faults.values()))
-    return Wanted(places=[*targets.folders, *targets.robots], models=dict(targets.choice.models))
-
-
-def _sweep_options(options: argparse.Namespace) -> SweepOptions:
-    return SweepOptions(
+def _sweep_options(options: argparse.Namespace, choice: CaseSelection) -> SweepOptions:
+    return run_options(
+        SweepOptions,
+        options,
         factors=factors(options.vary),
         design=Design(options.design),
-        count=options.draws,
-        seed=options.seed,
-        steps=options.step,
-        integrators=tuple(options.integrator),
-        engines=tuple(options.engine),
-        scenarios=tuple(options.scenario),
-        resolution=options.resolution,
-        thorough=options.thorough,
         jobs=options.jobs or JOBS,
-        limits=arguments.limits_of(options),
-        scheduler=options.scheduler,
         command=tuple(_command(options)),
+        choice=choice,
     )
 
 
@@ -458,14 +430,19 @@ def _command(options: argparse.Namespace) -> list[str]:
     """Return the normalized command line, which reproduces single cases."""
     words = ["crosscheck", "sweep", *options.folders]
     words += ["--standalone"] if options.standalone else []
-    for name in ("vary", "integrator", "scenario", "engine"):
-        for value in getattr(options, name):
-            words += [f"--{name}", value]
-    if options.draws is not None:
-        words += ["--draws", str(options.draws), "--design", options.design]
+    repeatable = {
+        "vary": options.vary,
+        "integrator": options.integrators,
+        "scenario": options.scenarios,
+        "engine": options.engines,
+    }
+    for name, given in repeatable.items():
+        words += [word for one in given for word in (f"--{name}", one)]
+    if options.count is not None:
+        words += ["--draws", str(options.count), "--design", options.design]
         words += ["--seed", str(options.seed)]
-    if options.step:
-        words += ["--step", ",".join(f"{step!r}" for step in options.step)]
+    if options.steps:
+        words += ["--step", ",".join(f"{step!r}" for step in options.steps)]
     if options.resolution != 1e-9:
         words += ["--resolution", f"{options.resolution!r}"]
     words += ["--thorough"] if options.thorough else []

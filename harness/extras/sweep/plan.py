@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from physics_crosscheck.harness.jobs.limits import Limits
+from physics_crosscheck.harness.planning.options import Options
 from .draws import Design, Draws, draws
 from .factors import Factor, SweepError, matching_factors
 from .planned import Block, Planned
@@ -25,19 +25,14 @@ BLOCK = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepOptions:
-    """Options of a sweep.
+class SweepOptions(Options):
+    """Options of a sweep, which has the engines, limits and resolution of a run.
 
     Attributes:
         factors: varied constants.
         design, count, seed: draws.
         steps: time steps, seconds; empty: each model's own.
-        integrators, engines, scenarios: names; empty: each model's own, all, all.
-        resolution: smallest relative discrepancy to detect.
-        thorough: whether segments decide even where single steps suffice.
-        jobs: number of worker processes.
-        limits: limits of a case.
-        scheduler: address of a cluster's scheduler; empty: this machine.
+        integrators, scenarios: names; empty: each model's own, all.
         command: words of the command line, without `--only`.
     """
 
@@ -47,13 +42,8 @@ class SweepOptions:
     seed: int = 0
     steps: tuple[float, ...] = ()
     integrators: tuple[str, ...] = ()
-    engines: tuple[str, ...] = ()
     scenarios: tuple[str, ...] = ()
-    resolution: float = 1e-9
-    thorough: bool = False
     jobs: int = 2
-    limits: Limits = Limits()  # noqa: RUF009  # frozen
-    scheduler: str = ""
     command: tuple[str, ...] = ()
 
 

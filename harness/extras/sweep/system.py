@@ -28,11 +28,11 @@ from physics_crosscheck.harness.checks.verdict import (
 )
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
-from physics_crosscheck.harness.modelfiles.parametric_file import (
+from physics_crosscheck.harness.modelfiles.bindings import (
     ParametricModelFile,
     parametric_model_file,
 )
+from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.convergence import largest
 from physics_crosscheck.harness.numerics.coordinates import (

@@ -19,12 +19,10 @@ from physics_crosscheck.harness.checks.followers import Followers
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.engines.registry import engines_reading, engines_to_run
-from physics_crosscheck.harness.modelfiles.copies import copy_with_texts
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
+from physics_crosscheck.harness.modelfiles.folders import FORMATS
 from physics_crosscheck.harness.modelfiles.model_files import UnreadModel
-from physics_crosscheck.harness.modelfiles.numbers import ModelFile
-from physics_crosscheck.harness.modelfiles.readers import robot_numbers
-from physics_crosscheck.harness.modelfiles.robot_system import RobotError
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile, copy_with_texts
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.outcome import Outcome

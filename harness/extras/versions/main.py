@@ -25,7 +25,6 @@ from pathlib import Path
 
 from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import gate
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import gate_lines
 from physics_crosscheck.harness.engines.registry import distribution, engines, engines_reading
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -37,6 +36,7 @@ from physics_crosscheck.harness.modelfiles.model_files import model_files
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.hold import hold
 from physics_crosscheck.harness.records.read import decoded
@@ -70,8 +70,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
         out: Folder for gate.json.
         resolution: Requested resolution.
         jobs: Number of worker processes; 0 for one per processor.
-        seconds: Time limit of a task, seconds.
-        memory: Memory limit of a task, GiB.
+        limits: Limits of a task.
         floating: Whether the root link of a URDF moves freely.
         diagnose: Whether to diagnose models that differ.
     """
@@ -84,8 +83,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
     out: str
     resolution: float
     jobs: int
-    seconds: float
-    memory: float
+    limits: Limits
     floating: bool
     diagnose: bool
 
@@ -98,7 +96,6 @@ def main(options: argparse.Namespace) -> int:
     targets, left_out = requested_targets(engine, options.folders)
     for line in left_out:
         print(f"crosscheck: {line}", file=sys.stderr, flush=True)
-    limits = arguments.limits_of(options)
     codes, before = [AGREE], ""
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
         try:
@@ -116,8 +113,7 @@ def main(options: argparse.Namespace) -> int:
                     out=str(options.out / f"{engine}-{version}"),
                     resolution=options.resolution,
                     jobs=options.jobs,
-                    seconds=limits.seconds,
-                    memory=limits.memory,
+                    limits=arguments.limits_of(options),
                     floating=options.floating,
                     diagnose=options.diagnose,
                 )
@@ -349,14 +345,15 @@ def run_task(file: Path, package: str) -> int:
     if problem := _unusable(task, package):
         print(f"crosscheck: {task.engine} {task.version}: {problem}", file=sys.stderr)
         return FAIL
-    options = GateOptions(
-        baseline=Path(task.baseline),
+    baseline = Path(task.baseline)
+    options = Options(
+        baseline=baseline,
         engines=(task.engine,),
         every=True,
         diagnose=task.diagnose,
         resolution=task.resolution,
         jobs=task.jobs,
-        limits=Limits(seconds=task.seconds, memory=task.memory),
+        limits=task.limits,
         floating=task.floating,
     )
     with LateProgress() as progress:
@@ -371,7 +368,7 @@ def run_task(file: Path, package: str) -> int:
     if not result.changes:
         return FAIL
     try:
-        accept(result, [], f"{task.engine} {task.version}", options.baseline, untested=True)
+        accept(result, [], f"{task.engine} {task.version}", baseline, untested=True)
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

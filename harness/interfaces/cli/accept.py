@@ -25,7 +25,7 @@ def main(options: argparse.Namespace) -> int:
     if not reason:
         print("crosscheck: --reason is empty. State why the results are right.", file=sys.stderr)
         return USAGE
-    check_engines(options.engine)
+    check_engines(options.engines)
     patterns = separate_patterns(options)
     targets, what = targets_and_options(options)
     with LateProgress() as progress:

@@ -107,7 +107,6 @@ def chosen_model(default: str = "each that moves") -> Option:
     return option(
         "Robot files",
         "--model",
-        dest="chosen_model",
         default="",
         metavar="NAME",
         help=f"Model to read from an SDFormat file [{default}]",
@@ -233,6 +232,7 @@ ENGINE = option(
     "Selection",
     "--engine",
     action=AppendAction,
+    dest="engines",
     default=[],
     metavar="NAME",
     help="Use only this engine; repeatable [all that read the model]",

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.codes import case_code, part_code
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import nothing_tested
@@ -30,33 +30,21 @@ from physics_crosscheck.harness.results.failure import (
     survey_lines,
 )
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
-from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
-from .targets import resolve_targets, warn_unknown, with_unknown
+from .targets import resolve_targets, run_options, warn_unknown, with_unknown
 
 
 def main(options: argparse.Namespace) -> int:
     """Audit the named models and print the findings."""
-    check_engines(options.engine)
-    wanted = resolve_targets(
-        options.folders, standalone=options.standalone, model=options.chosen_model
-    )
+    check_engines(options.engines)
+    wanted = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     warn_unknown(wanted.named)
-    cache = None if options.cache is None else Cache(options.cache)
-    model_audits = audits(
-        wanted.paths,
-        engines=options.engine,
-        jobs=options.jobs,
-        limits=arguments.limits_of(options),
-        cache=cache,
-        choice=wanted.choice,
-        floating=options.floating,
-        model=options.chosen_model,
-    )
+    chosen = run_options(Options, options, choice=wanted.choice)
+    model_audits = audits(wanted.paths, chosen)
     if not model_audits:
         raise FolderError("no model matches these names and engines; run `crosscheck list` for all")
-    if cache is not None and cache.problem:
-        print(f"crosscheck: {cache.problem}", file=sys.stderr)
+    if chosen.cache is not None and chosen.cache.problem:
+        print(f"crosscheck: {chosen.cache.problem}", file=sys.stderr)
     code = AGREE
     if all(model.absent for model in model_audits):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in model_audits)}", file=sys.stderr)

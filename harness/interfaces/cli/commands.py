@@ -93,7 +93,7 @@ def _demo_defaults(command: argparse.ArgumentParser) -> None:
         motion=0.0,
         smooth=True,
         ideal=False,
-        chosen_model="",
+        model="",
     )
 
 
@@ -429,7 +429,7 @@ COMMANDS: Mapping[str, Command] = {
             option(
                 "Robot files",
                 "--from",
-                dest="model",
+                dest="source",
                 type=Path,
                 metavar="FILE",
                 help="Model file to start from: URDF, SDFormat or MJCF",

@@ -12,8 +12,7 @@ from physics_crosscheck.harness.checks.derivation import derivation, tree_deriva
 from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_bodies
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_bodies
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.equations import describe
 from physics_crosscheck.reference.load import load_declaration, with_location
@@ -29,16 +28,14 @@ def main(options: argparse.Namespace) -> int:
     """Print the equations of each system folder and each robot file."""
     form: Form = "latex" if options.latex else "text"
     width = terminal().width
-    targets = resolve_targets(
-        options.folders, standalone=options.standalone, model=options.chosen_model
-    )
+    targets = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     warn_unknown(targets.named)
     describe_robot = partial(
         describe_file,
         form=form,
         width=width,
         floating=options.floating,
-        model=options.chosen_model,
+        model=options.model,
     )
     with Workers(1, arguments.limits_of(options)) as workers:
         for path in targets.paths:

@@ -19,7 +19,6 @@ from physics_crosscheck.harness.commands.gate.gate import (
 )
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, summary
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
@@ -28,6 +27,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
 )
 from physics_crosscheck.harness.modelfiles.robot_targets import models_below, robots_below
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
@@ -36,14 +36,13 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
 )
 from physics_crosscheck.harness.results.github import commands, print_commands, write_summary
-from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
-from .targets import resolve_targets
+from .targets import resolve_targets, run_options
 
 
 def main(options: argparse.Namespace) -> int:
     """Run the gate, print and annotate its findings, and write its files."""
-    check_engines(options.engine)
+    check_engines(options.engines)
     folders, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
@@ -77,7 +76,7 @@ def code(result: GateResult) -> int:
     return AGREE if result.passes else DIFFER
 
 
-def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
+def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], Options]:
     """Return the folders and options that the arguments select.
 
     Without arguments, the folders are those of the baseline; without a baseline, those of `run`.
@@ -94,21 +93,8 @@ def targets_and_options(options: argparse.Namespace) -> tuple[list[Path], GateOp
         targets = accepted_targets(options.baseline)
         if not targets and not any(options.baseline.rglob("*.json")):
             targets = _named(models_below(Path()), options.baseline)
-    model = getattr(options, "chosen_model", "")
-    targets = moving_models(targets, options.baseline, model)
-    return targets, GateOptions(
-        baseline=options.baseline,
-        engines=tuple(options.engine),
-        every=getattr(options, "every", False),
-        diagnose=getattr(options, "diagnose", False),
-        resolution=options.resolution,
-        jobs=options.jobs,
-        limits=arguments.limits_of(options),
-        floating=getattr(options, "floating", False),
-        model=model,
-        parents=parents,
-        thorough=options.thorough,
-    )
+    chosen = run_options(Options, options, parents=parents)
+    return moving_models(targets, options.baseline, chosen.model), chosen
 
 
 def _named(names: Sequence[str], baseline: Path) -> list[Path]:

@@ -20,14 +20,12 @@ from .targets import resolve_targets
 
 def main(options: argparse.Namespace) -> int:
     """Print one name per line; return 2 if a target can't be listed."""
-    check_engines(options.engine)
+    check_engines(options.engines)
     matching(options.words)
     names = options.folders or models_below(Path())
-    targets = resolve_targets(names, standalone=options.standalone, model=options.chosen_model)
+    targets = resolve_targets(names, standalone=options.standalone, model=options.model)
     choice = replace(targets.choice, words=options.words)
-    listing = listed(
-        targets.paths, options.engine, floating=options.floating, model=options.chosen_model
-    )
+    listing = listed(targets.paths, options.engines, floating=options.floating, model=options.model)
     cases = [(folder, case) for folder, case in listing.cases if choice.includes(folder, case)]
     if options.format == "json":
         rows = [

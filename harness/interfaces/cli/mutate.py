@@ -10,14 +10,14 @@ from physics_crosscheck.harness.commands.mutation.survey import MutationError
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutations
 from physics_crosscheck.harness.records.results import nothing_tested
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
-from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
-from .targets import resolve_targets
+from .targets import resolve_targets, run_options
 
 
 def main(options: argparse.Namespace) -> int:
@@ -26,34 +26,22 @@ def main(options: argparse.Namespace) -> int:
     Exit codes: 0; 1 if a fault that affects motions was missed, or another time step was reported
     as a fault; 3 if an unmodified model fails, or no fault could be tested.
     """
-    check_engines(options.engine)
-    targets = resolve_targets(
-        options.folders, standalone=options.standalone, model=options.chosen_model
-    )
+    check_engines(options.engines)
+    targets = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     if targets.named.faults:
         raise FolderError("; ".join(targets.named.faults.values()))
     missing = [
         name
         for name, engine in engines().items()
-        if engine.version() is None and (not options.engine or name in options.engine)
+        if engine.version() is None and (not options.engines or name in options.engines)
     ]
     for name in missing:
         print(f"crosscheck: {name} is not installed, so its models are skipped", file=sys.stderr)
     skipped: list[str] = []
     try:
         with Counter("fault", "planting") as counter:
-            rows = mutate(
-                targets.paths,
-                counter,
-                only=options.engine,
-                workers=options.jobs or 2,
-                limits=arguments.limits_of(options),
-                choice=targets.choice,
-                floating=options.floating,
-                model=options.chosen_model,
-                thorough=options.thorough,
-                warn=skipped.append,
-            )
+            chosen = run_options(Options, options, choice=targets.choice, jobs=options.jobs or 2)
+            rows = mutate(targets.paths, chosen, counter, skipped.append)
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

@@ -25,14 +25,14 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {error}", file=sys.stderr)
         return USAGE
     try:
-        if options.model is None:
+        if options.source is None:
             write_folder(target, example(target.name))
         else:
             # Reading a model needs sympy and engines; the example needs neither.
             from physics_crosscheck.harness.commands.scaffold.from_model import from_model
 
             remarks = from_model(
-                options.model, target, floating=options.floating, chosen=options.chosen_model
+                options.source, target, floating=options.floating, chosen=options.model
             )
             for remark in remarks:
                 print(f"note: {remark}", file=sys.stderr)

@@ -66,7 +66,7 @@ class _SettingsFile:
         """Build the error about a setting, with its line if known."""
         # Imported here: help needs no parser of files.
         from physics_crosscheck.harness.documents.errors import LocationError
-        from physics_crosscheck.harness.documents.location import SourceFile
+        from physics_crosscheck.harness.documents.reading import SourceFile
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
         source = SourceFile(self.path, self.text.encode())
@@ -223,7 +223,7 @@ def _switch(value: object, _: Path) -> bool:
 SETTINGS: Mapping[str, Setting] = MappingProxyType(
     {
         "folders": Setting(argument="folders", kind="list of paths or names", read=_folders),
-        "engines": Setting(argument="engine", kind="list of names", read=_names),
+        "engines": Setting(argument="engines", kind="list of names", read=_names),
         "resolution": Setting(
             argument="resolution", kind="number", read=_of_text(arguments.resolution)
         ),

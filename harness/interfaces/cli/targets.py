@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 from physics_crosscheck.harness.modelfiles.choice import (
     CaseSelection,
@@ -16,9 +17,14 @@ from physics_crosscheck.harness.modelfiles.choice import (
 )
 from physics_crosscheck.harness.modelfiles.folders import FolderError, NamedFolders, named_folders
 from physics_crosscheck.harness.modelfiles.robot_targets import expand_folders, robot_files
+from physics_crosscheck.harness.planning.cache import Cache
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.read import read_results
 from physics_crosscheck.harness.results.visible import visible
+from .arguments import limits_of
 from .exit_codes import USAGE
+
+Kind = TypeVar("Kind", bound=Options)
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,25 @@ class Targets:
         return (*self.named.folders, *self.robots)
 
 
+def run_options(kind: type[Kind], given: argparse.Namespace, **more: Any) -> Kind:
+    """Return the options of a run that a command line has; others keep their defaults.
+
+    Args:
+        kind: type of the options.
+        given: the command line, whose values have the names of the options.
+        more: further options, or other values.
+    """
+    named = {one.name: getattr(given, one.name, None) for one in fields(kind)}
+    values = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in named.items()
+        if value is not None
+    }
+    if "cache" in values:
+        values["cache"] = Cache(given.cache)
+    return kind(**{**values, "limits": limits_of(given), **more})
+
+
 def select_targets(options: argparse.Namespace) -> Targets:
     """Return what the options select; nothing where `--last-failed` finds no failed case.
 
@@ -62,7 +87,7 @@ def select_targets(options: argparse.Namespace) -> Targets:
             print("crosscheck: the last run has no failed case; nothing to run", file=sys.stderr)
             return Targets(NamedFolders([], {}), [], CaseSelection(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
-    targets = resolve_targets(names, standalone=options.standalone, model=options.chosen_model)
+    targets = resolve_targets(names, standalone=options.standalone, model=options.model)
     return replace(targets, choice=replace(targets.choice, words=options.words, only=only))
 
 

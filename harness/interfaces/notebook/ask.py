@@ -15,8 +15,8 @@ from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.environment import without_main
 from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
+from physics_crosscheck.harness.modelfiles.code_reads import UNKNOWN, states_now
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.path_states import UNKNOWN, states_now
 from physics_crosscheck.reference.mechanism.numeric import Array
 from . import motions
 from .columns import Columns

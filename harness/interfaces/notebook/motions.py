@@ -18,9 +18,8 @@ from physics_crosscheck.harness.engines.protocol import LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.code_reads import record_reads
 from physics_crosscheck.harness.modelfiles.parts import part_digests
-from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
 from physics_crosscheck.harness.modelfiles.robot import Robot
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.full_run import simulated, why_no_run
 from physics_crosscheck.reference.dynamics.derive import derive

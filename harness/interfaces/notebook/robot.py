@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
-from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
-from physics_crosscheck.harness.modelfiles.robot_system import robot_system
+from physics_crosscheck.harness.modelfiles.folders import FORMATS
+from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs, robot_system
 from physics_crosscheck.harness.planning.options import check_text
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.recursion import Recursion

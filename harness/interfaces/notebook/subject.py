@@ -10,11 +10,9 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.expanded import XACRO
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.folders import check_engines, system_folders
-from physics_crosscheck.harness.modelfiles.formats import FORMATS
+from physics_crosscheck.harness.modelfiles.folders import FORMATS, check_engines, system_folders
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
-from physics_crosscheck.harness.modelfiles.robot_sources import ROBOT
-from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
+from physics_crosscheck.harness.modelfiles.robot_targets import ROBOT, robot_files
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.planning.options import check_text
 from .trajectory import MotionError

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -39,8 +39,9 @@ from physics_crosscheck.harness.jobs.limits import Limits
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import chosen_engines, model_path
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.paths import RESOLUTION
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER, RESOLUTION
 from physics_crosscheck.harness.planning.model_checks import AUDIT, CASE, DIAGNOSIS, MEASUREMENT
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.planning.prepared import Arguments, Preparation, task_function
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
@@ -52,36 +53,15 @@ from ..api import CheckResults, Target, check, target_names
 from ..cli import arguments
 
 
-@dataclass(frozen=True)
-class RunSettings:
-    """Settings for running cases.
-
-    Attributes:
-        resolution: smallest relative discrepancy to detect.
-        limits: limits of a task.
-        baseline: folder of the accepted differences.
-        thorough: whether every check of a case runs.
-        smooth: whether robot files run without limits, friction, contacts and drives only.
-        strict: whether the resolution is stated, so that an engine's own precision excuses nothing.
-    """
-
-    resolution: float
-    limits: Limits
-    baseline: Path
-    thorough: bool
-    smooth: bool
-    strict: bool
-
-
-def run_settings(config: pytest.Config) -> RunSettings:
-    """Return the settings of the options.
+def run_settings(config: pytest.Config) -> Options:
+    """Return the options of a run, which pytest's own ones give.
 
     Raises:
         pytest.UsageError: if one is out of range.
     """
     stated = config.getoption("crosscheck_resolution")
     try:
-        return RunSettings(
+        return Options(
             resolution=RESOLUTION if stated is None else arguments.resolution(stated),
             strict=stated is not None,
             limits=Limits(
@@ -104,9 +84,10 @@ Value = TypeVar("Value")
 class CaseRunner:
     """Runs one case or audit at a time outside pytest, so that a crash is only an outcome."""
 
-    def __init__(self, settings: RunSettings) -> None:
+    def __init__(self, settings: Options) -> None:
         self._settings = settings
-        read_baseline(settings.baseline)  # an untrusted one ends the session at its start
+        # An untrusted one ends the session at its start.
+        read_baseline(settings.baseline or DEFAULT_FOLDER)
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
@@ -320,7 +301,7 @@ class Checker:
                 resolution=wanted,
                 limit=settings.limits.seconds,
                 memory=settings.limits.memory,
-                baseline=settings.baseline,
+                baseline=settings.baseline or DEFAULT_FOLDER,
                 thorough=settings.thorough,
                 floating=floating,
                 model=model,

@@ -6,6 +6,7 @@ import fnmatch
 import os
 from collections import Counter
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,23 +16,28 @@ import pytest
 from physics_crosscheck.harness.baseline.store import BaselineError
 from physics_crosscheck.harness.commands.gate.accept import AcceptError, accept_each
 from physics_crosscheck.harness.commands.gate.gate import gate
-from physics_crosscheck.harness.commands.gate.survey import GateOptions
 from physics_crosscheck.harness.commands.gate.text import accepted_lines
 from physics_crosscheck.harness.modelfiles.choice import named_model
-from physics_crosscheck.harness.modelfiles.folders import FolderError, is_system, system_folders
-from physics_crosscheck.harness.modelfiles.formats import is_robot
+from physics_crosscheck.harness.modelfiles.folders import (
+    FolderError,
+    is_robot,
+    is_system,
+    system_folders,
+)
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
 from physics_crosscheck.harness.modelfiles.robot_targets import (
     NamedRobots,
     robot_files,
 )
+from physics_crosscheck.harness.paths import DEFAULT_FOLDER
+from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.render.terminal.console import WORDS, terminal
 from physics_crosscheck.harness.results.github import in_ci
 from physics_crosscheck.harness.results.messages import explain_hint
 from physics_crosscheck.harness.results.status import counted
 from .collect import RUNNER, RobotFile, SystemFile
-from .runner import CaseRunner, RunSettings, run_settings
+from .runner import CaseRunner, run_settings
 
 DECLARATION = "system.py"
 
@@ -218,9 +224,7 @@ class Accepting:
         pytest.UsageError: in CI, or without a reason.
     """
 
-    def __init__(
-        self, config: pytest.Config, folders: Sequence[Path], settings: RunSettings
-    ) -> None:
+    def __init__(self, config: pytest.Config, folders: Sequence[Path], settings: Options) -> None:
         given = config.getoption("crosscheck_accept")
         self._reason = None if given is None else " ".join(given.split())
         self._folders, self._settings = folders, settings
@@ -248,20 +252,13 @@ class Accepting:
         passed = set(_passed(config))
         result = gate(
             list(self._folders),
-            GateOptions(
-                baseline=self._settings.baseline,
-                resolution=self._settings.resolution,
-                limits=self._settings.limits,
-                parents=(),
-                thorough=self._settings.thorough,
-            ),
+            replace(self._settings, parents=()),
             lambda *_: None,
         )
         chosen = [change.id for change in result.changes if str(change.id) in passed]
         try:
-            done = accept_each(
-                result, dict.fromkeys(chosen, self._reason), (), self._settings.baseline
-            )
+            place = self._settings.baseline or DEFAULT_FOLDER
+            done = accept_each(result, dict.fromkeys(chosen, self._reason), (), place)
         except AcceptError as error:
             self.lines = (f"crosscheck: {error}",)
             return False

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import XmlElement, end_offset, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
+from physics_crosscheck.harness.documents.reading import SourceFile
 from . import read_source
 
 

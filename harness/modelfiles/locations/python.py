@@ -10,7 +10,7 @@ from contextlib import suppress
 from io import BytesIO
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
+from physics_crosscheck.harness.documents.reading import Resolve, SourceFile, Span, nearest
 
 
 def python_names(source: SourceFile) -> Resolve:

@@ -8,8 +8,14 @@ from collections.abc import Iterator
 from typing import Any
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import Resolve, SourceFile, Span, nearest
-from physics_crosscheck.harness.documents.reading import TomlError, toml_document
+from physics_crosscheck.harness.documents.reading import (
+    Resolve,
+    SourceFile,
+    Span,
+    TomlError,
+    nearest,
+    toml_document,
+)
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(

@@ -17,13 +17,7 @@ from physics_crosscheck.harness.documents.errors import (
     quote,
     truncate,
 )
-from physics_crosscheck.harness.documents.location import (
-    DECIMAL,
-    Resolve,
-    SourceFile,
-    Span,
-    nearest,
-)
+from physics_crosscheck.harness.documents.reading import DECIMAL, Resolve, SourceFile, Span, nearest
 
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
 _ADDRESS = re.compile(

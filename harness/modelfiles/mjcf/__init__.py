@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from ..readers import RobotError
 from ..robot import Robot
-from ..robot_system import RobotError
 from .numbers import CompiledNumbers
 from .read import compiler, read_compiled_robot
 

@@ -25,7 +25,7 @@ from physics_crosscheck.reference.mechanism.laws import (
 )
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
 from ..law_attributes import JointForceLimit, attributes
-from .laws import NO_TURN
+from .read import NO_TURN
 from .stated import Key, StatedLaws, StatedRow, surface_values
 from .stated_drives import drive_values
 

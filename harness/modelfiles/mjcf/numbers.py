@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.number import Number
 from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.reference.laws.mistakes import DIMENSIONS
@@ -28,9 +28,8 @@ from physics_crosscheck.reference.mechanism.bodies import RigidBody
 from physics_crosscheck.reference.mechanism.laws import Laws
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
 from ..numbers import NUDGE, ModelFile
-from .laws import law_model
 from .misread import check_reading
-from .read import tree_of
+from .read import law_model, tree_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,15 +10,22 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import ReadError, ReadKind
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.harness.engines.protocol import Engine, EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
+from physics_crosscheck.reference.laws.mechanics import LawTree
+from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.assemble import assemble
-from physics_crosscheck.reference.mechanism.tree import Tree, TreeError
-from ..formats import is_robot
+from physics_crosscheck.reference.mechanism.numeric import Array
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
+from ..folders import is_robot
 from ..parts import included
 from ..robot import LinkPart, Omission, PlacedShape, Robot, home_of, refused
 from .stated import StatedLaws
@@ -64,7 +71,8 @@ def read_compiled_robot(
     if not actuated:
         compiled = replace(compiled, pulls=compiled.passive, controls=0)
     if sentences := list(_problems(compiled)):
-        return _refused(path, sentences, _left_out(engine, compiled), compiled.name)
+        kind: ReadKind = "unsupported" if compiled.joints else "no joint"
+        return _refused(path, sentences, _left_out(engine, compiled), compiled.name, kind=kind)
     try:
         return compiled_robot(compiled, path, _left_out(engine, compiled), controls)
     except TreeError as error:
@@ -237,3 +245,44 @@ def held_controls(compiled: CompiledTree) -> tuple[float, ...]:
         low, high = ranges.get(i) or (0.0, 1.0)
         held.append(low + (high - low) * ((i + 1) * SPREAD % 1.0))
     return tuple(held)
+
+
+NO_TURN = 1.0, 0.0, 0.0, 0.0
+
+
+def law_model(compiled: CompiledTree) -> LawModel | None:
+    """Return the laws of a compiled file on its own bodies; None without joints or laws.
+
+    Raises:
+        TreeError: naming the element that the equations of the bodies do not cover.
+    """
+    if compiled.laws is None or not compiled.joints:
+        return None
+    paths = tuple(replace(path, name=f"path {i}") for i, path in enumerate(compiled.paths))
+    tree = compiled_tree(replace(compiled, pulls=(*compiled.passive, *paths), couplings=()), ())
+    count = len(tree.pulls) - len(paths)
+    bodies = list(tree.frames.values())
+    return LawModel(
+        laws=compiled.laws,
+        tree=LawTree(
+            tree=replace(tree, pulls=tree.pulls[:count]),
+            paths=tree.pulls[count:],
+            bodies=((WORLD, IDENTITY), *bodies),
+            masses=np.array([0.0, *(body.mass for body in compiled.bodies)]),
+            centers=np.array([np.zeros(3), *(body.center for body in compiled.bodies)]),
+        ),
+        home=_home(compiled),
+    )
+
+
+def _home(compiled: CompiledTree) -> Array:
+    """Return the coordinates of the drawn configuration, (nv,)."""
+    parts: list[Array] = []
+    for body in compiled.bodies:
+        for joint in body.joints:
+            if joint.kind == "free":
+                turn = minimal_coordinates(np.array(body.quaternion or NO_TURN), np.array(NO_TURN))
+                parts += [turn, np.array(body.position)]
+            else:
+                parts.append(np.zeros(3) if joint.kind == "ball" else np.array([joint.zero]))
+    return np.concatenate(parts)

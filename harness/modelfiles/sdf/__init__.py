@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..robot import Robot, armatures_of
-from .numbers import SdfNumbers
-from .read import read_sdf_robot
+from .read import SdfNumbers, read_sdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

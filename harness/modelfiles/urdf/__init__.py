@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..robot import Robot, armatures_of
-from .numbers import UrdfNumbers
-from .read import read_urdf_robot
+from .read import UrdfNumbers, read_urdf_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

@@ -12,8 +12,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
-from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number, XmlElement
 from physics_crosscheck.harness.documents.urdf import ENDLESS, UrdfFile, read_urdf
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import LawTree
@@ -37,7 +36,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.spatial_inertia import IDENTITY
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeError
 from ..robot import Robot
-from .numbers import UrdfNumbers
+from .read import UrdfNumbers
 
 
 def ruled_model(robot: Robot, rules: Rules) -> ImpulseModel | LawModel | None:

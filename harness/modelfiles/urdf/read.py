@@ -5,27 +5,37 @@ Content of a URDF beyond bodies and joints, counted by kind.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.document import Document, read_numbers
+from physics_crosscheck.harness.documents.document import GRAVITY, Document, read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError
-from physics_crosscheck.harness.documents.tree import GRAVITY
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
 from physics_crosscheck.harness.documents.urdf import (
     ENDLESS,
     SINGLE,
     UrdfFile,
     UrdfJoint,
+    read_joint,
+    read_link,
+    read_mimics,
+    read_springs,
     read_urdf,
 )
+from physics_crosscheck.reference.mechanism.assemble import assembled, with_bodies
 from physics_crosscheck.reference.mechanism.bodies import ZERO, Joint, RigidBody, Triple
-from ..build_tree import build_robot, enforceable
-from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
+from physics_crosscheck.reference.mechanism.tree import Tree
+from ..build_tree import build_robot, couplings, enforceable, placed_in
+from ..numbers import NUDGE, ModelFile, set_temporarily
+from ..robot import FREE_MIMIC, Note, Omission, PlacedShape, Robot, count_notes, refused
 
 _VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
@@ -60,6 +70,9 @@ _MEANINGFUL_ATTRIBUTES: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes with a meaning."""
 
+_RATIOS = {"mechanicalReduction": ((1.0,), None), "motorInertia": ((0.0,), None)}
+"""Numbers of a transmission that no engine reads, and values without effect."""
+
 
 def urdf_left_out(file: UrdfFile, followers: Collection[str]) -> tuple[Omission, ...]:
     """Return all of it, except visual geometry, which does not matter.
@@ -79,6 +92,7 @@ def _all(file: UrdfFile) -> Iterator[Note]:
     yield from _unknown_attributes(document.root, "")
     for element in document.root.children:
         name = element.attributes.get("name", element.attributes.get("reference", ""))
+        yield from _of_transmission(element, name)
         yield from _unread(element, name)
         if element.tag in ("link", "joint"):
             yield from _unknown_attributes(element, name)
@@ -119,6 +133,13 @@ def _nonzero(element: XmlElement, key: str) -> bool:
     return read_numbers(text, 1) != (0.0,)
 
 
+def _of_transmission(element: XmlElement, name: str) -> Iterator[Note]:
+    """Yield a ratio and a rotor's inertia that change motions."""
+    for number in element.iter() if element.tag == "transmission" else ():
+        if number.tag in _RATIOS and read_numbers(number.text, 1) not in _RATIOS[number.tag]:
+            yield f"<{number.tag}> of <transmission>", name, number.place
+
+
 def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield child elements that have no meaning here."""
     readable = _READ.get(element.tag)
@@ -127,14 +148,14 @@ def _unread(element: XmlElement, name: str) -> Iterator[Note]:
     for child in element.children:
         if child.tag not in readable and child.tag not in _VISUALS:
             within = "" if element.tag == "robot" else f" of <{element.tag}>"
-            yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
+            yield f"<{child.tag}>{within}", name or child.attributes.get("name", ""), child.place
 
 
 def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
     """Yield the attributes of an element that have no meaning."""
     for key in element.attributes if element.tag in _MEANINGFUL_ATTRIBUTES else ():
         if key not in _MEANINGFUL_ATTRIBUTES[element.tag] and not key.startswith("xmlns"):
-            yield f"{key} of <{element.tag}>", name
+            yield f"{key} of <{element.tag}>", name, element.attribute_place(key)
 
 
 def read_urdf_robot(
@@ -252,3 +273,162 @@ def _joint(file: UrdfFile, joint: UrdfJoint) -> Joint:
         limits=None if joint.bounds == ENDLESS else joint.bounds,
         armature=file.document.armatures.get(joint.name, 0.0),
     )
+
+
+_RELEVANT = re.compile(
+    r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping|joint/mimic@.*"
+    r"|gazebo/spring(Stiffness|Reference))"
+)
+"""Numbers that affect a tree."""
+
+_BODIES = re.compile(r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping)")
+"""Numbers that affect one body of it and its joint."""
+
+_SHAPES = re.compile(
+    r"robot/link/collision/(origin@(xyz|rpy)|geometry/(box|sphere|cylinder|capsule|mesh)@\w+)"
+)
+"""Numbers on which collision shapes depend."""
+
+
+class UrdfNumbers(ModelFile):
+    """The numbers of a URDF that has a tree.
+
+    Args:
+        path: of the file.
+        floating: whether its root moves freely.
+        held: joints that are fixed.
+        armatures: as in `Document`.
+
+    Attributes:
+        floats: whether its root moves freely.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        floating: bool,
+        held: Collection[str] = (),
+        armatures: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        self._document = Document(path)
+        super().__init__([self._document])
+        self._document.armatures = armatures
+        self._file = file = read_urdf(self._document)
+        self._held, self.floats = held, floating and file.can_float
+        if has_stand_ins(path):
+            self.numerals = tuple(one for one in self.numerals if "/inertial/" not in one.path)
+
+    @cached_property
+    def relevant_numbers(self) -> tuple[int, ...]:
+        """Indices of the numbers that may affect the tree."""
+        owners = {one.element for one in self._file.links.values()}
+        owners |= {one.element for one in self._file.joints.values()}
+        owners |= set(self._document.root.findall("gazebo"))
+        numbers = enumerate(self.numerals)
+        kept = (i for i, one in numbers if _RELEVANT.fullmatch(one.path))
+        return tuple(i for i in kept if self._owner(i) in owners)
+
+    def tree(self, values: Mapping[int, float]) -> Tree | None:
+        """Return the tree with other values of some numbers, by index, or None."""
+        nominal = self._nominal
+        if nominal is None or not all(_BODIES.fullmatch(self.numerals[i].path) for i in values):
+            return self._built(values)
+        if not values:
+            return nominal
+        with self.changed(values, coupled=True, tree=nominal) as changed:
+            if changed is None:
+                return None
+            file, joints = changed[0], {one.child: one for one in changed[0].joints.values()}
+            others = {}
+            for element in filter(None, map(self._owner, values)):
+                name = element.get("name")
+                link = file.joints[name].child if element.tag == "joint" else name
+                if link in self._bodies:
+                    joint = joints.get(link)
+                    others[link] = body_of(file, link, joint, self.floats, self._held)
+            return with_bodies(nominal, {**self._bodies, **others}, others)
+
+    @cached_property
+    def _nominal(self) -> Tree | None:
+        """The tree of the file as it is."""
+        return self._built({})
+
+    @cached_property
+    def _bodies(self) -> Mapping[str, RigidBody]:
+        """The bodies of the file as it is, by their links."""
+        return {body.name: body for body in bodies_of(self._file, self.floats, self._held)}
+
+    def _built(self, values: Mapping[int, float]) -> Tree | None:
+        with self.changed(values, coupled=True) as changed:
+            return changed and changed[1]
+
+    @contextmanager
+    def changed(
+        self, values: Mapping[int, float], *, coupled: bool, tree: Tree | None = None
+    ) -> Iterator[tuple[UrdfFile, Tree] | None]:
+        """Give the file with other values of some numbers, and its tree, or None.
+
+        Its elements have these values until the context closes. A given tree is not built again.
+        """
+        document = self._document
+        count = len(document.obstacles)
+        with ExitStack() as restored:
+            for index, value in values.items():
+                set_temporarily(self.numerals[index], value, restored)
+            read = partial(self._reread, values, coupled=coupled, tree=tree)
+            changed = read() if self._file.root else None
+            yield None if len(document.obstacles) > count else changed
+        del document.obstacles[count:]
+
+    def _reread(
+        self, values: Mapping[int, float], *, coupled: bool, tree: Tree | None
+    ) -> tuple[UrdfFile, Tree] | None:
+        """Return the file with the present values of some numbers, and its tree."""
+        document = self._document
+        elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
+        links, joints = dict(self._file.links), dict(self._file.joints)
+        for element in elements.values():
+            name = element.get("name")
+            if element.tag == "link":
+                links[name] = read_link(document, element, name)
+            elif element.tag == "joint":
+                joints[name] = read_joint(document, element, name)
+        file = replace(self._file, links=links, joints=joints)
+        if tree is not None:
+            return file, tree
+        springs, mimics = read_springs(document), read_mimics(document, joints)
+        file = replace(file, springs=springs)
+        leaders = enforceable(mimics, singles(joints) - set(self._held)) if coupled else {}
+        bodies = bodies_of(file, self.floats, self._held)
+        tree = assembled(bodies, GRAVITY, couplings=couplings(leaders)).tree
+        return None if tree is None else (file, tree)
+
+    def placing(self, candidates: Collection[int]) -> Collection[int]:
+        """Return those on which the frame or the size of a collision shape depends."""
+        shapes = (i for i in candidates if _SHAPES.fullmatch(self.numerals[i].path))
+        return frozenset(i for i in shapes if self._places_shape(i))
+
+    def _places_shape(self, index: int) -> bool:
+        number, owner = self.numerals[index], self._owner(index)
+        links = {name: one for name, one in self._file.links.items() if one.element is owner}
+        before = placed_in(links, self._document.path)
+        with ExitStack() as restored:
+            set_temporarily(number, number.value + NUDGE * number.scale, restored)
+            return any(map(_differ, before, placed_in(links, self._document.path)))
+
+    def _owner(self, index: int) -> XmlElement | None:
+        return _owner(self.numerals[index].element)
+
+
+def _owner(element: XmlElement) -> XmlElement | None:
+    """Return the child of the root that contains an element."""
+    while element.parent is not None and element.parent.parent is not None:
+        element = element.parent
+    return None if element.parent is None else element
+
+
+def _differ(first: PlacedShape, second: PlacedShape) -> bool:
+    """Return whether two shapes differ in frame, size or scale."""
+    same = map(np.array_equal, first.place, second.place)
+    return (first.size, first.scale) != (second.size, second.scale) or not all(same)

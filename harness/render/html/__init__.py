@@ -131,7 +131,7 @@ def _page(report: Report, places: str = "") -> str:
         "report.html",
         [script, *([content.code] if content.code else [])],
         bool(places),
-        title=report.title,
+        title=report.sentences[0],
         report=report,
         folders=folders,
         packs=((name, content.text(name)) for name in content.names if name not in elsewhere),

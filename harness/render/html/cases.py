@@ -11,13 +11,14 @@ from physics_crosscheck.harness.records.case import (
     ForwardDynamics,
     FullRun,
     Stepping,
+    TimeStep,
     Verdict,
     WholeStep,
 )
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import ReferenceMotion
-from physics_crosscheck.harness.results.status import unsettled_steps
+from physics_crosscheck.harness.results.status import step_words, unsettled_steps
 from ..terminal.models_table import CHAOTIC, is_chaotic
 from .scenes import SceneView
 from .text import NOTHING, percent, quantity, sci
@@ -117,7 +118,7 @@ class CaseView:
         case, full_run = self.case, self.case.full_run
         facts = (
             ("Verdict", _verdict(case.verdict, self.digits) if case.verdict else ()),
-            ("At dt", _at_shipped_step(full_run) if full_run else ()),
+            ("At dt", _at_shipped_step(full_run) if full_run else _of_step(case.time_step)),
             (
                 "Accelerations",
                 _dynamics_facts(case.forward_dynamics) if case.forward_dynamics else (),
@@ -295,6 +296,10 @@ def _digits(stepping: Stepping) -> str:
     digits = (stepping.digits, stepping.digits_later, stepping.digits_long)
     first, ten, thousand = (NOTHING if one is None else f"{one:.2g}" for one in digits)
     return f"{first}, {ten} and {thousand}"
+
+
+def _of_step(step: TimeStep | None) -> tuple[Fact, ...]:
+    return () if step is None else (("time step", step_words(step)),)
 
 
 def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:

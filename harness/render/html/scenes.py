@@ -11,15 +11,9 @@ from pathlib import Path
 
 from msgspec.structs import asdict
 
-from physics_crosscheck.harness.documents.elements import XmlElement, read_elements
-from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.location import SourceFile
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
-from physics_crosscheck.harness.records.scene import (
-    Scene,
-    StateErrors,
-)
+from physics_crosscheck.harness.records.scene import Scene, Spans, StateErrors
 from physics_crosscheck.harness.results.status import counted
 from .diagnoses import blamed_lines, marked_lines
 
@@ -28,9 +22,6 @@ THREE = "pack-three"
 
 LARGEST_TEXT = 400_000
 """Characters of a model file beyond which its source is not shown beside the scene."""
-
-Spans = tuple[tuple[int, int], ...]
-"""First and last lines, from 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +84,7 @@ def case_states(
     - file: its absolute path.
     """
     text = "" if model is None or len(model.text) > LARGEST_TEXT else model.text
-    lines = body_lines(text, case.model, [body.name for body in scene.bodies])
+    lines = errors.lines if text and errors.lines else ((),) * len(scene.bodies)
     blamed = [*case.locations, *(() if model is None else blamed_lines(model))]
     marked = sorted(marked_lines(blamed, case.model))
     joints = [joint.name for joint in scene.joints]
@@ -142,47 +133,3 @@ def _named(scene: Scene, model: Model | None) -> Iterator[int]:
         joint = scene.joints[body.joint].name if body.joint >= 0 else ""
         if body.name in names or joint in names:
             yield i
-
-
-def body_lines(text: str, name: str, bodies: Sequence[str]) -> tuple[Spans, ...]:
-    """Return the lines of each body in the text of a URDF, an SDFormat file or an MJCF.
-
-    Args:
-        text: content of the file.
-        name: its name.
-        bodies: names of the bodies, in the order of an MJCF.
-    """
-    source = SourceFile(Path(name), text.encode())
-    try:
-        root = read_elements(source)[0]
-    except (LocationError, IndexError):
-        return ((),) * len(bodies)
-    stated = _flat(root, source) if root.tag in ("robot", "sdf") else _nested(root, source)
-    spans: dict[str, list[tuple[int, int]]] = {}
-    for body, span in stated:
-        spans.setdefault(body, []).append(span)
-    return tuple(tuple(spans.get(body, ())) for body in bodies)
-
-
-def _flat(root: XmlElement, source: SourceFile) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Yield links, and each joint with its child link."""
-    for element in root.iter():
-        if element.tag == "link" and element.get("name"):
-            yield element.get("name"), _span(element, source)
-        elif element.tag == "joint" and (child := element.find("child")) is not None:
-            yield child.get("link") or child.text.strip(), _span(element, source)
-
-
-def _nested(root: XmlElement, source: SourceFile) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Yield bodies with their lines before the first body in them."""
-    for i, element in enumerate(root.iter("body"), start=1):
-        first, last = _span(element, source)
-        inner = next((one for one in element.iter("body") if one is not element), None)
-        if inner is not None:
-            last = max(first, source.line(inner.start) - 1)
-        yield element.get("name") or f"body_{i}", (first, last)
-
-
-def _span(element: XmlElement, source: SourceFile) -> tuple[int, int]:
-    closed = source.data[element.end : element.end + 2] == b"</"
-    return source.line(element.start), source.line(element.end - (not closed))

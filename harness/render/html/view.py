@@ -15,6 +15,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.records.system import SystemResult
+from physics_crosscheck.harness.results.headline import headline
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from physics_crosscheck.harness.results.status import counted, unread_words
 from .case_charts import OVERLAID, case_charts
@@ -342,16 +343,13 @@ class Report:
         return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
 
     @property
-    def title(self) -> str:
-        """How many cases agree."""
+    def sentences(self) -> tuple[str, str]:
+        """The first sentence; then the others, how many cases agree, and what to do on failure."""
         count = len(self.cases)
         agreeing = self.counts.get(Outcome.AGREES, 0)
-        return f"{agreeing} of {counted(count, 'case')} agree{'s' if count == 1 else ''}"
-
-    @property
-    def verdict(self) -> str:
-        """The verdict in words, and what to do on failure."""
-        return verdict(self.results, self.issues)
+        numbers = f"{agreeing} of {counted(count, 'case')} agree{'s' if count == 1 else ''}"
+        first, *others = headline(self.results) or [f"{numbers}."]
+        return first, " ".join((*others, f"{numbers}.", verdict(self.results, self.issues)))
 
     @property
     def worst_first(self) -> list[CaseView]:

@@ -8,25 +8,28 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console
 from rich.text import Text
 
 from physics_crosscheck.harness.records.base import Number
-from physics_crosscheck.harness.records.case import Case, FullRun, ModelId
+from physics_crosscheck.harness.records.case import Case, FullRun, ModelId, ModelKey
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import counted, duration, percent
 from physics_crosscheck.harness.results.visible import visible
 from .console import STYLES, WORDS, print_wrapped
 
 NAMES = ("system", "model", "engine")
 
-COLUMNS = ("status", "digits", "off by", "error at dt", "dt", "order", "dt for 0.1 %")
+COLUMNS = (
+    "status", "digits", "error", "uncertainty", "off by", "error at dt", "dt", "order",
+    "dt for 0.1 %",
+)  # fmt: skip
 """Columns in order of importance."""
-
-DETAILS = ("status", "digits", "error", "uncertainty", *COLUMNS[2:])
 
 TENTH = 0.001
 """Target error of the last column's steps."""
@@ -34,8 +37,8 @@ TENTH = 0.001
 LARGE = 0.1
 """Minimum error at which a motion without a suitable time step is chaotic."""
 
-MAX_ROWS = 12
-"""Maximum number of rows; with more, rows in which every case agrees are counted only."""
+MAX_ROWS = 40
+"""Maximum number of targets to print; the worst come first."""
 
 GAP = "  "
 
@@ -51,43 +54,91 @@ class ModelRow:
         names: names of system, model and engine.
         cells: cells by column, empty for missing values.
         status: status with colours.
-        agrees: whether every case agrees.
     """
 
     names: tuple[str, ...]
     cells: dict[str, str]
     status: Text
-    agrees: bool
 
 
-def print_models(console: Console, cases: Iterable[Case], *, details: bool = False) -> None:
-    """Print the table, at most as wide as the console.
+def print_matrix(console: Console, results: Results) -> None:
+    """Print a row for each target, or each model of a single one, and a column for each engine.
+
+    A cell has the digits to which the engine follows the files, or what goes wrong; the worst rows
+    come first. Where the columns do not fit, each name has its own line.
+    """
+    single = len({case.folder for case in results.cases}) == 1
+    rows: dict[str, dict[str, list[Case]]] = {}
+    reached = [c for c in results.cases if c.engine != "-" or c.outcome is not Outcome.ABSENT]
+    for case in reached:
+        name = visible(case.model if single else shown_path(case.folder))
+        rows.setdefault(name, {}).setdefault(case.engine, []).append(case)
+    faulty = {one.key for one in results.models if one.findings and not one.accepted}
+    cells = {
+        name: {engine: _cell(cases, faulty) for engine, cases in row.items()}
+        for name, row in rows.items()
+    }
+    worst = {name: max(one[0].severity for one in row.values()) for name, row in cells.items()}
+    shown = sorted(cells, key=lambda name: -worst[name])[:MAX_ROWS]
+    engines = [one for one in dict.fromkeys(case.engine for case in results.cases) if one != "-"]
+    widths = [
+        max(len(one), *(len(cells[name].get(one, _NO_CELL)[1]) for name in shown))
+        for one in engines
+    ]
+    first = max(map(len, shown))
+    narrow = _total([first, *widths]) > console.width
+    if engines and not narrow:
+        _print_line(console, Text(_joined(["", *engines], [first, *widths])))
+    for name in shown:
+        line = Text(f"{name}\n" if narrow else name.ljust(first))
+        if "-" in cells[name]:
+            line.append(GAP).append(cells[name]["-"][1], STYLES[cells[name]["-"][0]])
+        for engine, width in zip(engines, widths, strict=True):
+            outcome, text = cells[name].get(engine, _NO_CELL)
+            line.append(GAP).append(f"{engine} " if narrow and text else "")
+            line.append(text if narrow else text.ljust(width), STYLES[outcome])
+        _print_line(console, line)
+    if hidden := len(rows) - len(shown):
+        _print_note(console, f"{counted(hidden, 'more row')}; --details shows every model")
+
+
+_NO_CELL = (Outcome.ABSENT, "")
+
+
+def _off_by(case: Case) -> float:
+    return 0.0 if case.verdict is None else case.verdict.discrepancy or 0.0
+
+
+def _cell(cases: Sequence[Case], faulty: Container[ModelKey]) -> tuple[Outcome, str]:
+    """Return the worst outcome of cases in one engine, and its text."""
+    case = max(cases, key=lambda one: (one.shown.severity, _off_by(one)))
+    if case.shown is Outcome.DIFFERS and _off_by(case):
+        return case.shown, f"{WORDS[case.shown]} {percent(_off_by(case))}"
+    if case.shown is not Outcome.AGREES:
+        return case.shown, WORDS[case.shown]
+    if any(one.key in faulty for one in cases):
+        return Outcome.DIFFERS, WORDS[Outcome.DIFFERS]
+    digits = finite_values(one.digits for one in cases if not one.accepted)
+    return case.shown, f"{min(digits):.1f}" if digits else WORDS[case.shown]
+
+
+def print_models(console: Console, cases: Iterable[Case]) -> None:
+    """Print errors with their uncertainties, and the error of time steps, of each model.
 
     Args:
         console: to print on.
         cases: cases of the run, grouped by model and engine.
-        details: whether to show every row, and errors with their uncertainties.
     """
     groups = itertools.groupby(cases, lambda case: case.id.of_model)
     rows = [_row(model, list(group)) for model, group in groups]
-    shown = rows
-    if len(rows) > MAX_ROWS and not details:
-        shown = [row for row in rows if not row.agrees]
-    if not shown:
+    if not rows:
         return
-    columns = [
-        name
-        for name in (DETAILS if details else COLUMNS)
-        if any(row.cells.get(name) for row in shown)
-    ]
-    lost = _print_rows(console, shown, columns)
-    chaotic = any(CHAOTIC in row.cells["error at dt"] for row in shown)
+    columns = [name for name in COLUMNS if any(row.cells.get(name) for row in rows)]
+    lost = _print_rows(console, rows, columns)
+    chaotic = any(CHAOTIC in row.cells["error at dt"] for row in rows)
     if chaotic and "error at dt" not in lost:
         note = "chaotic: a motion that no time step follows to its end; the model is right"
         _print_note(console, note)
-    if len(shown) < len(rows):
-        hidden = counted(len(rows) - len(shown), "more row")
-        _print_note(console, f"{hidden}: every case ok; --details shows them")
     if lost:
         _print_note(console, f"a wider terminal also shows: {', '.join(lost)}")
 
@@ -189,7 +240,7 @@ def _row(model: ModelId, cases: Sequence[Case]) -> ModelRow:
         "dt for 0.1 %": _step_for_tenth(runs),
     }
     names = visible(model.system), visible(model.model), visible(model.engine)
-    return ModelRow(names=names, cells=cells, status=status, agrees=set(counts) == {Outcome.AGREES})
+    return ModelRow(names=names, cells=cells, status=status)
 
 
 def _error(error: Number, chaotic: bool) -> str:

@@ -11,16 +11,16 @@ from rich.console import Console
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.case import Case, Verdict
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.codes import part_code
 from physics_crosscheck.harness.records.finding import AuditFinding, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, brief_cause, cause_sentences
 from physics_crosscheck.harness.results.failure import acting_texts
+from physics_crosscheck.harness.results.headline import difference, engine_title, is_single_file
 from physics_crosscheck.harness.results.issues import (
     Issue,
     collect_issues,
@@ -37,7 +37,7 @@ from physics_crosscheck.harness.results.next_steps import (
     stated_changes,
 )
 from physics_crosscheck.harness.results.places import lines_listed, placed, shown_line, shown_path
-from physics_crosscheck.harness.results.status import counted, listed, percent
+from physics_crosscheck.harness.results.status import counted, listed
 from .console import STYLES, WORDS, print_wrapped
 
 MAX_PROBLEMS = 40
@@ -48,14 +48,6 @@ OUTPUT_LINES = 6
 
 INDENT = 8
 """Indentation of the lines after a problem's first line."""
-
-"""Subject of audit findings about a link with inertia and without mass."""
-
-WITH_ALL = "with limits, friction, contacts and drives"
-"""Forces of whole steps."""
-
-POSES_NAMED = 3
-"""Number of bodies to name in a headline."""
 
 NUMBERS = ("literal", "unbound literal", "taken")
 """Kinds of causes that are one number of the file."""
@@ -128,12 +120,6 @@ def problems(results: Results, *, details: bool = False) -> list[PrintedProblem]
     return sorted(found_problems, key=lambda one: -one.outcome.severity)
 
 
-def is_single_file(results: Results) -> bool:
-    """Return whether a run checks a single robot of a file, so that only engines need names."""
-    robots = {(case.folder, case.model, case.system) for case in results.cases}
-    return len(robots) == 1 and all(folder.endswith(model) for folder, model, _ in robots)
-
-
 def _print_problem(console: Console, problem: PrintedProblem, width: int) -> None:
     word = WORDS[problem.outcome]
     lead = f"  {word}{' ' * (width - len(word))} "
@@ -158,7 +144,8 @@ def _of_trouble(issue: Issue, results: Results, short: bool, details: bool) -> P
         return _difference(cases, results, short, details)
     headline = with_code(case.code, case.reason)
     if case.outcome is Outcome.ABSENT:
-        name = counted(len(cases), "case")
+        files = [shown_path(one.folder) for one in cases]
+        name = listed(files, NUMBERS_NAMED) if case.kind else counted(len(cases), "case")
         return PrintedProblem(outcome=case.outcome, code=case.code, name=name, headline=headline)
     name = _engine_name(cases) if short else _case_name(case)
     notes = [] if short or not issue.others else [("", _others(cases, details))]
@@ -241,45 +228,6 @@ def _explaining_codes(model: Model) -> list[str]:
     return [cause.code for cause in diagnosis.explanations[0].causes]
 
 
-def difference(case: Case) -> str:
-    """Return the size of a case's difference, in words."""
-    verdict, dynamics = case.verdict, case.forward_dynamics
-    if verdict is None or verdict.discrepancy is None:
-        return case.reason
-    if case.kind == "pose" and case.poses is not None:
-        return _poses_differ(case.poses)
-    if case.kind in ("compiled number", "contact"):
-        return case.reason
-    if case.kind == "whole step":
-        return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
-    if _is_motion(verdict):
-        return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
-    if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:
-        component = dynamics.component.removesuffix("_ddot")
-        return f"acceleration of {component} off by up to {percent(dynamics.discrepancy)}"
-    return case.reason
-
-
-def _poses_differ(poses: Poses) -> str:
-    """Return which bodies are elsewhere, and how far."""
-    names = ", ".join(one.name for one in poses.wrong[:POSES_NAMED])
-    more = len(poses.wrong) - POSES_NAMED
-    far = max(one.position or 0.0 for one in poses.wrong)
-    turned = max(one.rotation or 0.0 for one in poses.wrong)
-    by = f"{turned:.3g} degrees" if far <= (poses.uncertainty or 0.0) else f"{far:.3g} m"
-    return f"{names}{f' and {more} more' if more > 0 else ''} off by up to {by}"
-
-
-def _is_motion(verdict: Verdict) -> bool:
-    """Return whether a motion decides, and not the coordinate map of the engine."""
-    e, u = verdict.discrepancy, verdict.uncertainty
-    return e is not None and e > (u or 0.0) and e != verdict.map_residual
-
-
-def _component(name: str) -> str:
-    return f"velocity of {name.removesuffix('_dot')}" if name.endswith("_dot") else name
-
-
 def _cause_notes(model: Model, engines: str, details: bool) -> list[Note]:
     diagnosis = model.diagnosis
     assert diagnosis is not None
@@ -319,24 +267,18 @@ def _tie_notes(explanation: Explanation, model: Model) -> list[Note]:
 def _brief_notes(cause: Cause, model: Model, engines: str) -> list[Note]:
     massless = massless_links(cause, model)
     if massless:
-        text = f"{_title(model.engine)} {DROPS_MASSLESS}"
+        text = f"{engine_title(model.engine)} {DROPS_MASSLESS}"
         return [
             (f"cause{engines}", with_code(cause.code, text)),
             ("", massless_places(massless, model)),
         ]
     text = brief_cause(cause)
     if cause.kind == "dropped":
-        text = f"{_title(model.engine)} drops {cause}"
+        text = f"{engine_title(model.engine)} drops {cause}"
     notes = [(f"cause{engines}", with_code(cause.code, text))]
     if cause.locations and not cause.replacement:  # a fix uses other names
         notes.append(("", lines_listed([(one, "") for one in cause.locations], "")))
     return notes
-
-
-def _title(engine: str) -> str:
-    """Return an engine's own name with its capitals; of an unknown one the name as it is."""
-    adapter = engines().get(engine)
-    return engine if adapter is None else adapter.title
 
 
 def _cause_fixes(model: Model, causes: Sequence[Cause]) -> list[Note]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -22,25 +23,25 @@ from physics_crosscheck.harness.results.coverage import (
     unread_line,
 )
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
+from physics_crosscheck.harness.results.headline import headline, is_single_file
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import (
     counted,
     duration,
+    listed,
     percent,
+    step_words,
     unread_words,
     unsettled_steps,
 )
 from physics_crosscheck.harness.results.visible import visible
 from .console import STYLES, WORDS, print_hint, print_wrapped
-from .models_table import finite_values, is_chaotic, print_models
-from .problems import MAX_PROBLEMS, is_single_file, print_problems
+from .models_table import finite_values, is_chaotic, print_matrix, print_models
+from .problems import MAX_PROBLEMS, print_problems
 
 GROWS = 1e-9
 """Minimum distance of a step's largest eigenvalue from the unit circle, above rounding."""
-
-GREEN_ROWS = 6
-"""Maximum number of table rows in a run without problems."""
 
 MAX_CASES = 12
 """Maximum number of cases of a file to name."""
@@ -67,8 +68,13 @@ def print_results(
             steps.
         report: path of the written page.
     """
+    several = len({case.folder for case in results.cases}) > 1
     if not quiet:
+        if any(case.engine != "-" for case in results.cases):
+            print_wrapped(console, " ".join(headline(results)))
         _print_header(console, results)
+        if several:
+            print_matrix(console, results)
     codes = print_problems(console, results, details=details)
     if not quiet:
         _print_models(console, results, details)
@@ -225,19 +231,17 @@ def _print_advice(console: Console, results: Results, details: bool) -> None:
 
 
 def _print_models(console: Console, results: Results, details: bool) -> None:
-    reached = [case for case in results.cases if case.engine != "-"]
-    cases = [case for case in reached if case.outcome is not Outcome.ABSENT]
-    rows = len({(case.folder, case.id.of_model) for case in cases})
-    red = any(case.shown is not Outcome.AGREES for case in cases)
-    one_folder = len({case.folder for case in cases}) == 1
-    if details or (red and rows > 1 and not is_single_file(results)):
-        if red:
+    cases = [c for c in results.cases if c.engine != "-" and c.outcome is not Outcome.ABSENT]
+    if details:
+        if any(case.shown is not Outcome.AGREES for case in cases):
             console.print()
-        print_models(console, cases, details=details)
-    elif one_folder:
-        _print_engines(console, [case for case in cases if case.passes])
-    elif rows <= GREEN_ROWS:
         print_models(console, cases)
+    elif len({case.folder for case in cases}) == 1:
+        red = any(case.shown is not Outcome.AGREES for case in cases)
+        if red and len({case.model for case in cases}) > 1:
+            print_matrix(console, results)
+        else:
+            _print_engines(console, [case for case in cases if case.passes])
 
 
 def _print_engines(console: Console, cases: Sequence[Case]) -> None:
@@ -283,7 +287,11 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
         missing = [one for one in meshes if one.problem in ("missing", "not a regular file")]
         if missing:
             print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
-    lines = [*event_lines(results.cases), *whole_step_lines(results.cases, details=False)]
+    lines = [
+        *time_step_lines(results.cases),
+        *event_lines(results.cases),
+        *whole_step_lines(results.cases, details=False),
+    ]
     for line in lines:
         print_wrapped(console, line)
     for reason in dict.fromkeys(case.reason for case in results.cases if _by_poses(case)):
@@ -470,6 +478,12 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+OFF = 0.01
+"""Error of a time step above which several files are counted."""
+
+AT_A_LIMIT = " at a limit"
+"""End of the name of forces that are also counted without it."""
+
 UNSETTLED = 4
 """Number of whole steps without agreement that are listed without `--details`."""
 
@@ -485,14 +499,19 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
         acted = Counter[str]()
         for step, _ in alike:
             acted.update({term.name: term.count for term in step.acted})
-        kinds = ", ".join(f"{count} {name}" for name, count in acted.items())
-        forces = f", with {kinds}," if kinds else ", where no limit, contact or drive acts,"
-        number = counted(sum(step.states for step, _ in alike), "state")
-        which = f" (worst: {worst.id})" if len(alike) > 1 else ""
-        size = largest.discrepancy or 0.0
         unresolved = sum(step.unresolved for step, _ in alike)
-        more = f"; {unresolved} more unresolved" if unresolved else ""
-        lines.append(f"whole steps at {number}{forces} agree to {size:.1e}{which}{more}")
+        more = f"; {counted(unresolved, 'more state')} unresolved" if unresolved else ""
+        kinds = ", ".join(f"{count} {name}" for name, count in acted.items())
+        if details:
+            what = f", with {kinds}," if kinds else ", where no limit, contact or drive acts,"
+            number = counted(sum(step.states for step, _ in alike), "state")
+            which = f" (worst: {worst.id})" if len(alike) > 1 else ""
+            size = largest.discrepancy or 0.0
+            lines.append(f"whole steps at {number}{what} agree to {size:.1e}{which}{more}")
+        elif kinds or more:
+            forces = [name for name in acted if not name.endswith(AT_A_LIMIT)]
+            what = ", ".join(forces) or "single steps"
+            lines.append(f"{what}: follow the file{more}")
         lines += _not_compared(alike)
     lines += [
         f"whole steps in {case.engine}: {one}"
@@ -511,8 +530,8 @@ def whole_step_lines(cases: Iterable[Case], *, details: bool) -> list[str]:
     if details:
         lines += [f"{case.id}: whole steps {why}" for case, why in others]
     elif others:
-        names = ", ".join(dict.fromkeys(case.engine for case, _ in others))
-        lines.append(f"whole steps without a verdict in {names}; --details gives the reason")
+        engines = ", ".join(dict.fromkeys(case.engine for case, _ in others))
+        lines.append(f"whole steps without a verdict in {engines}; --details gives the reason")
     return lines
 
 
@@ -523,13 +542,36 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
         for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
-        yield f"whole steps: {part} not compared in {', '.join(dict.fromkeys(names))}"
+        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}"
 
 
 def _why_not_compared(step: WholeStep) -> str:
     """Return why whole steps have no verdict; empty if they have one, or nothing acts in them."""
     has_none = step.outcome is None and step.uncovered
     return f"not compared: {', '.join(step.uncovered)}" if has_none else ""
+
+
+def time_step_lines(cases: Iterable[Case]) -> list[str]:
+    """Return the error of the time step of one file, by engine, or one line for several files."""
+    steps: dict[str, list[str]] = {}
+    errors = list[tuple[float, Case]]()
+    for case in cases:
+        if (step := case.time_step) is not None:
+            steps.setdefault(step_words(step), []).append(case.engine)
+            errors.append((math.inf if step.error is None else step.error, case))
+    if len({(case.folder, case.model) for _, case in errors}) > 1:
+        coarse = sum(error > OFF for error, _ in errors)
+        worst = max(errors, key=lambda one: one[0])[1]
+        assert worst.time_step is not None
+        number = f"{coarse} of {counted(len(errors), 'case')}"
+        return [
+            f"time step: more than {percent(OFF)} off in {number}; worst: {worst.id},"
+            f" {step_words(worst.time_step)}"
+        ]
+    return [
+        f"time step{f' in {listed(names, 9)}' if len(errors) > 1 else ''}: {text}"
+        for text, names in steps.items()
+    ]
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
