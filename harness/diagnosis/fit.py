@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.number import Number
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
