@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.finding import CLOSE
 from physics_crosscheck.reference.mechanism.numeric import Array
-from .fit import Fit, Hypothesis, Problem, Resolved, Try, cosine, left_linear, refine_each
+from .fit import Fit, FitProblem, Hypothesis, Resolved, Try, cosine, left_linear, refine_each
 
 NAMED = 3e-3
 """Largest remaining share of the discrepancy, or the uncertainty, at which a cause is named."""
@@ -70,7 +70,7 @@ class Ranking:
     switched_off: tuple[str, ...] = ()
 
 
-def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
+def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) -> Ranking:
     """Rank hypotheses, and pairs of them, by the discrepancy that they leave.
 
     Args:
@@ -124,7 +124,7 @@ def largest_remaining(floor: float) -> float:
     return min(max(NAMED, 2 * floor), CLOSE)
 
 
-def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
+def _resolved(problem: FitProblem, uncertainty: Array) -> Resolved:
     """Restrict a problem to accurate end states: all, or only those of smooth segments."""
     defect = problem.defect({})
     whole = np.ones(len(defect), dtype=bool)

@@ -103,7 +103,7 @@ class Hypothesis:
         return abs(self.expected - estimate) <= CONFIRMED * abs(self.expected - self.value)
 
 
-class Problem(Protocol):
+class FitProblem(Protocol):
     """A discrepancy, and its change by repaired faults, given by index of hypothesis."""
 
     @property
@@ -122,7 +122,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NumberProblem(ABC):
-    """A `Problem` that numbers of a file explain, whose effects follow from equations."""
+    """A `FitProblem` that numbers of a file explain, whose effects follow from equations."""
 
     _rows: dict[int, Array | None] = field(default_factory=dict, repr=False)
 
@@ -138,7 +138,7 @@ class NumberProblem(ABC):
 
     @abstractmethod
     def defect(self, faults: Faults) -> Array:
-        """Return what `Problem.defect` does."""
+        """Return what `FitProblem.defect` does."""
 
     @abstractmethod
     def _effect(self, index: int) -> Array | None:
@@ -190,7 +190,7 @@ class Resolved:
         size: norm of the discrepancy there.
     """
 
-    problem: Problem
+    problem: FitProblem
     kept: Array
     uncertainty: Array
     size: float
