@@ -262,7 +262,7 @@ class Fit:
 
     @property
     def repair(self) -> dict[int, float]:
-        """Faults by index, as for `Problem`."""
+        """Faults by index, as for `FitProblem`."""
         return dict(zip(self.members, self.faults, strict=True))
 
 

@@ -98,7 +98,7 @@ def attributed(
     looks = [re.compile(pattern) for pattern in engine.non_physical]
     ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
-    few, few_others = (
+    idle_limit, single_limit = (
         0 if is_known and count > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
         for count in (len(others) + len(ineffective), len(others))
     )
@@ -106,8 +106,8 @@ def attributed(
     if together and not together[0].not_tried and together[0].moved == 0.0:
         trials = [_difference((edit,)) for edit in ineffective]
     else:
-        trials = measured([(edit,) for edit in ineffective[:few]])
-    sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:few_others]]
+        trials = measured([(edit,) for edit in ineffective[:idle_limit]])
+    sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
     if len(can) > 1:
         sets.append(tuple(can))
