@@ -34,8 +34,8 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import WORLD
+from .fit import NumberProblem
 from .law_problem import LawProblem, law_problem
-from .robot_problem import RobotProblem
 from .robot_task import problem_of
 
 POSE_STATES = 8
@@ -458,7 +458,7 @@ def _at_each_element(parts: Sequence[LawProblem], index: int, resolution: float)
     return NumberEffect.PARTLY
 
 
-def _effect(problem: RobotProblem | LawProblem, index: int, resolution: float) -> NumberEffect:
+def _effect(problem: NumberProblem, index: int, resolution: float) -> NumberEffect:
     """Return the effect of a number; a change that cannot be solved is not counted as no effect."""
     effect = problem.effect(index)
     if effect is None or not np.isfinite(effect).all():

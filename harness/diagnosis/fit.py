@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -34,6 +36,9 @@ Fits beyond both are not pursued. A linear fit may leave less than that share by
 nonlinearity alone.
 """
 
+
+NEAR_ZERO_FAULT = 1e-4
+"""Relative faults below which slopes are those of no fault, to four digits."""
 
 Faults = Mapping[int, float]
 """Faults by index of the hypothesis; missing ones are zero."""
@@ -113,6 +118,65 @@ class FitProblem(Protocol):
 
         It is accurate to about four digits. `indices`: of hypotheses; None: all.
         """
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NumberProblem(ABC):
+    """A `FitProblem` that numbers of a file explain, whose effects follow from equations."""
+
+    _rows: dict[int, Array | None] = field(default_factory=dict, repr=False)
+
+    if TYPE_CHECKING:  # a field or a property
+
+        @property
+        def hypotheses(self) -> Sequence[Hypothesis]: ...  # noqa: D102
+
+    @property
+    @abstractmethod
+    def numerals(self) -> Sequence[Number]:
+        """Numbers of the file."""
+
+    @abstractmethod
+    def defect(self, faults: Faults) -> Array:
+        """Return what `FitProblem.defect` does."""
+
+    @abstractmethod
+    def _effect(self, index: int) -> Array | None:
+        """Compute what `effect` returns."""
+
+    @abstractmethod
+    def _slopes_at(self, faults: Faults, indices: Sequence[int]) -> Sequence[Array | None]:
+        """Return the slopes far from zero faults."""
+
+    def effect(self, index: int) -> Array | None:
+        """Return the slope at zero faults, (N,), or the whole effect of a switch; None if unknown.
+
+        It is unknown if no such file exists with another value on either side, or its equations
+        cannot be solved.
+        """
+        if index not in self._rows:
+            self._rows[index] = self._effect(index)
+        return self._rows[index]
+
+    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
+        """Return the defect per unit of each fault; near zero faults, those at zero."""
+        indices = range(len(self.hypotheses)) if indices is None else indices
+        near = all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items())
+        rows = [self.effect(i) for i in indices] if near else self._slopes_at(faults, indices)
+        nothing = np.zeros(self.defect({}).size)
+        return np.array([nothing if row is None else row for row in rows]).reshape(-1, len(nothing))
+
+    def values(self, faults: Faults) -> dict[int, float]:
+        """Return the values of the file's numbers with repaired faults, by index."""
+        values: dict[int, float] = {}
+        for index, fault in faults.items():
+            hypothesis = self.hypotheses[index]
+            for i, unit in hypothesis.repair.numbers.items():
+                if fault and unit:
+                    value = values.get(i, self.numerals[i].value) + fault * unit
+                    is_choice = hypothesis.switch and hypothesis.id.kind == "taken"
+                    values[i] = round(value) if is_choice else value
+        return values
 
 
 @dataclass(frozen=True)

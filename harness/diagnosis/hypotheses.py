@@ -150,7 +150,7 @@ def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> 
         value=value,
         size=abs(value) or abs(expected) or 1.0,
         rank=rank(kind),
-        where=tuple(dict.fromkeys(_line(b.place) for b in moved)),
+        where=tuple(dict.fromkeys(line_of(b.place) for b in moved)),
         correction=-1.0,
         expected=expected,
         start=value - expected if from_bound else 0.0,
@@ -158,7 +158,8 @@ def _literal(kind: CauseKind, moved: Sequence[Binding], *, from_bound: bool) -> 
     )
 
 
-def _line(place: Number) -> SourceLine:
+def line_of(place: Number) -> SourceLine:
+    """Return the line and the bytes of a number."""
     return SourceLine(file=place.file.name, line=place.line, span=place.span, text=place.text)
 
 
@@ -192,7 +193,7 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Hypothesi
                     value=place.value,
                     size=abs(place.value),
                     rank=rank("unbound literal"),
-                    where=(_line(place),),
+                    where=(line_of(place),),
                     correction=-1.0,
                     start=0.0 if re.search("@sol(ref|imp)", address) else place.value,
                     repair=Perturbation(literals={address: -1.0}),

@@ -7,7 +7,7 @@ evaluated again at the same states; the engine does not run again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -48,9 +48,17 @@ from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .diagnose import REFINED, Ranking, diagnose, largest_remaining
-from .fit import Faults, Fit, Hypothesis, Perturbation, Resolved, left_linear, refine
+from .fit import (
+    Faults,
+    Fit,
+    Hypothesis,
+    NumberProblem,
+    Resolved,
+    left_linear,
+    refine,
+)
 from .hypotheses import rank
-from .robot_problem import NEAR_ZERO_FAULT, ROUNDING_CHANGE, source_line
+from .robot_problem import ROUNDING_CHANGE, number_hypothesis
 from .trial import REFUSED
 
 NUMBERS_FITTED = 16
@@ -80,7 +88,7 @@ class LawNumbers(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LawProblem:
+class LawProblem(NumberProblem):
     """Discrepancy of whole steps, with the laws of the file.
 
     Attributes:
@@ -99,7 +107,11 @@ class LawProblem:
     evaluated: Sequence[Evaluated]
     compared: LawDefect
     with_mistakes: bool = True
-    _rows: dict[int, Array | None] = field(default_factory=dict, repr=False)
+
+    @property
+    def numerals(self) -> Sequence[Number]:
+        """Numbers of the file."""
+        return self.numbers.numerals
 
     def judge(self, resolution: float) -> LimitVerdict:
         """Judge the discrepancy."""
@@ -162,11 +174,13 @@ class LawProblem:
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Each number of the laws, each other choice, and each typical mistake."""
-        rows = [self._misread(i, None) for i in self.numbers.law_numbers]
+        numerals = self.numerals
+        rows = [number_hypothesis(numerals[i], i, 1.0) for i in self.numbers.law_numbers]
         if not self.with_mistakes:
             return tuple(rows)
         for i, values in self.numbers.law_choices.items():
-            rows += [self._misread(i, value) for value in values]
+            units = [value - numerals[i].value for value in values]
+            rows += [number_hypothesis(numerals[i], i, unit, switch=True) for unit in units]
         for mistake in self.mistakes:
             cause = CauseId(kind="law", subject=(mistake.name,))
             rows.append(Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("law"), switch=True))
@@ -180,21 +194,6 @@ class LawProblem:
             return tuple(soft_mistakes(laws))
         return tuple(hard_mistakes(laws))
 
-    def _misread(self, index: int, choice: int | None) -> Hypothesis:
-        """Return a number that is taken differently: by a fault, or as one of few choices."""
-        number = self.numbers.numerals[index]
-        unit = 1.0 if choice is None else choice - number.value
-        return Hypothesis(
-            id=CauseId(kind="taken", subject=(number.address,)),
-            value=number.value,
-            size=number.scale if choice is None else 1.0,
-            rank=rank("literal"),
-            where=(source_line(number),),
-            correction=unit,
-            switch=choice is not None,
-            repair=Perturbation(numbers={index: unit}),
-        )
-
     def defect(self, faults: Faults) -> Array:
         """Return engine - laws after repair of these faults, scaled and flat, (N,)."""
         whole = self.compared.defect
@@ -206,37 +205,17 @@ class LawProblem:
         remaining: Array = (whole - self._solved(laws)).ravel()
         return remaining
 
-    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near these faults, (len(indices), N)."""
-        indices = range(len(self.hypotheses)) if indices is None else indices
-        near = all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items())
-        rows = [
-            self.effect(index) if near else self._slope_near(faults, index) for index in indices
-        ]
-        slopes = np.zeros((len(rows), self.compared.defect.size))
-        for slope, row in zip(slopes, rows, strict=True):
-            slope[:] = 0.0 if row is None else row
-        return slopes
+    def _slopes_at(self, faults: Faults, indices: Sequence[int]) -> Sequence[Array | None]:
+        """Return slopes by differences over a small change of each number."""
+        before, rows = self.defect(faults), list[Array | None]()
+        for index in indices:
+            step = NUDGE * self.hypotheses[index].size
+            after = self.defect({**faults, index: faults.get(index, 0.0) + step})
+            is_refused = max(np.max(after), np.max(before)) >= REFUSED
+            rows.append(None if is_refused else (before - after) / step)
+        return rows
 
-    def _slope_near(self, faults: Faults, index: int) -> Array | None:
-        before = self.defect(faults)
-        step = NUDGE * self.hypotheses[index].size
-        after = self.defect({**faults, index: faults.get(index, 0.0) + step})
-        if np.max(after) >= REFUSED or np.max(before) >= REFUSED:
-            return None
-        slope: Array = (before - after) / step
-        return slope
-
-    def effect(self, index: int) -> Array | None:
-        """Return the change of all components by a number, per unit, (N,); None if it is unknown.
-
-        Source: differences over a small change of the number.
-        """
-        if index not in self._rows:
-            self._rows[index] = self._slope(index)
-        return self._rows[index]
-
-    def _slope(self, index: int) -> Array | None:
+    def _effect(self, index: int) -> Array | None:
         hypothesis = self.hypotheses[index]
         if hypothesis.switch:
             remaining = self.defect({index: 1.0})
@@ -274,15 +253,10 @@ class LawProblem:
 
     def _changed(self, faults: Faults) -> TreeLaw | None:
         """Return the laws with faults; None if they have other coordinates, states or shapes."""
-        chosen = [(self.hypotheses[index], fault) for index, fault in faults.items() if fault]
-        values: dict[int, float] = {}
-        for hypothesis, fault in chosen:
-            for i, unit in hypothesis.repair.numbers.items():
-                value = values.get(i, self.numbers.numerals[i].value) + fault * unit
-                values[i] = round(value) if hypothesis.switch else value
+        values = self.values(faults)
         laws = self.numbers.laws(values) if values else self.comparison.laws
         laws = None if laws is None else applied(laws, self.comparison.model)
-        for hypothesis, _ in chosen:
+        for hypothesis in (self.hypotheses[index] for index, fault in faults.items() if fault):
             if laws is not None and hypothesis.id.kind == "law":
                 (name,) = hypothesis.id.subject
                 laws = next(one for one in self.mistakes if one.name == name).change(laws)

@@ -17,15 +17,14 @@ from physics_crosscheck.harness.checks.scene import inertia_difference
 from physics_crosscheck.harness.documents.elements import Number, XmlElement
 from physics_crosscheck.harness.modelfiles.inertias import breaks_rule
 from physics_crosscheck.harness.modelfiles.numbers import NUDGE, ModelFile
-from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Tree, TreeLink
 from physics_crosscheck.reference.solving.flows import Flow
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from .fit import Faults, Hypothesis, Perturbation
-from .hypotheses import rank
+from .fit import Faults, Hypothesis, NumberProblem, Perturbation
+from .hypotheses import line_of, rank
 from .robot_followers import Following
 from .trial import REFUSED
 
@@ -47,12 +46,9 @@ NEGLIGIBLE_SLOPE, MIN_CHORD_RATIO = 1e-4, 30.0
 A longer chord that is steeper by this ratio indicates curvature.
 """
 
-NEAR_ZERO_FAULT = 1e-4
-"""Relative faults below which slopes are those of no fault, to four digits."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class RobotProblem:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RobotProblem(NumberProblem):
     """Discrepancy of a robot's file in an engine, with the equations.
 
     Attributes:
@@ -81,14 +77,19 @@ class RobotProblem:
     _rows: dict[int, Array | None] = field(default_factory=dict, init=False, repr=False)
 
     def with_discrepancy(self, apart: Array) -> RobotProblem:
-        """Return the problem with another discrepancy and shared slopes."""
+        """Return the problem with another discrepancy and the same slopes."""
         other = replace(self, apart=apart)
         other._rows.update(self._rows)
         return other
 
+    @property
+    def numerals(self) -> Sequence[Number]:
+        """Numbers of the file."""
+        return self.numbers.numerals
+
     def defect(self, faults: Faults) -> Array:
         """Return engine - reference after repair of these faults, scaled and flat, (N,)."""
-        values = self._values(faults)
+        values = self.values(faults)
         key = tuple(sorted(values.items()))
         if key not in self._defects:
             self._defects[key] = self._defect(values)
@@ -102,48 +103,27 @@ class RobotProblem:
         """
         return self._remaining(self.flow.for_tree(tree))
 
-    def slopes(self, faults: Faults, indices: Sequence[int] | None = None) -> Array:
-        """Return the defect per unit of each fault, near these faults, (len(indices), N).
+    def _slopes_at(self, faults: Faults, indices: Sequence[int]) -> Sequence[Array | None]:
+        """Return the slopes of the trajectories there, and of the linear problem here."""
+        flow = self._flow(self.values(faults))
+        return [
+            None
+            if flow is None
+            else self._switched(flow, faults, index)
+            if self.hypotheses[index].switch
+            else self._slope(flow, faults, index)
+            for index in indices
+        ]
 
-        Near zero faults they are those at zero. Far from it they are those of the trajectories
-        there, and of the linear problem here.
-        """
-        indices = range(len(self.hypotheses)) if indices is None else indices
-        rows = np.zeros((len(indices), self.apart.size))
-        if all(abs(by) <= NEAR_ZERO_FAULT * self.hypotheses[i].size for i, by in faults.items()):
-            for row, index in enumerate(indices):
-                rows[row] = self._or_none(self.effect(index))
-            return rows
-        flow = self._flow(self._values(faults))
-        if flow is None:
-            return rows
-        for row, index in enumerate(indices):
-            if self.hypotheses[index].switch:
-                rows[row] = self._switched(flow, faults, index)
-            else:
-                rows[row] = self._or_none(self._slope(flow, faults, index))
-        return rows
-
-    def _or_none(self, slope: Array | None) -> Array:
-        return np.zeros(self.apart.size) if slope is None else slope
-
-    def effect(self, index: int) -> Array | None:
-        """Return the slope at zero faults, (N,), or the whole effect of a switch.
-
-        Return None if it is unknown: no such tree exists with another value on either side, or the
-        equations cannot be solved.
-        """
-        if index not in self._rows:
-            self._rows[index] = (
-                self.defect({}) - self.defect({index: 1.0})
-                if self.hypotheses[index].switch
-                else self._slope(self.flow, {}, index)
-            )
-        return self._rows[index]
+    def _effect(self, index: int) -> Array | None:
+        if self.hypotheses[index].switch:
+            change: Array = self.defect({}) - self.defect({index: 1.0})
+            return change
+        return self._slope(self.flow, {}, index)
 
     def _switched(self, flow: Flow, faults: Faults, index: int) -> Array:
         """Return a switch's effect with faults, on unchanged trajectories, to rank pairs."""
-        tree = self._tree(self._values({**faults, index: 1.0}))
+        tree = self._tree(self.values({**faults, index: 1.0}))
         try:
             by = None if tree is None else self._ends(tree, flow.variation(tree))
         except ReferenceError:
@@ -170,7 +150,7 @@ class RobotProblem:
         """
         size = self.hypotheses[index].size
         for step in (share * size, -share * size):
-            tree = self._tree(self._values({**faults, index: faults.get(index, 0.0) + step}))
+            tree = self._tree(self.values({**faults, index: faults.get(index, 0.0) + step}))
             if tree is None:
                 continue
             try:
@@ -200,15 +180,6 @@ class RobotProblem:
         if self.following is None:
             return by / self.scale
         return np.concatenate([by, self.following.apart(tree, by)], axis=1) / self.scale
-
-    def _values(self, faults: Faults) -> dict[int, float]:
-        values: dict[int, float] = {}
-        for index, fault in faults.items():
-            for number, unit in self.hypotheses[index].repair.numbers.items():
-                if fault and unit:
-                    before = values.get(number, self.numbers.numerals[number].value)
-                    values[number] = before + fault * unit
-        return values
 
     def _flow(self, values: Mapping[int, float]) -> Flow | None:
         if not values:
@@ -267,7 +238,7 @@ class RobotProblem:
 
     def is_read(self, faults: Faults) -> bool | None:
         """Return whether compiled bodies have the values of these faults; None if unknown."""
-        tree = self._tree(self._values(faults))
+        tree = self._tree(self.values(faults))
         changed = [] if tree is None else list(self._changed(tree))
         if tree is None or not changed or not self.compiled.keys() >= set(changed):
             return None
@@ -302,22 +273,37 @@ def suspicions(numbers: ModelFile, *, is_reference: bool) -> Iterator[Hypothesis
         numbers: of the file.
         is_reference: whether the file is right, and the engine may read it differently.
     """
+    way = 1.0 if is_reference else -1.0
     for i in numbers.relevant_numbers:
-        number = numbers.numerals[i]
-        correction = 1.0 if is_reference else -1.0
-        yield Hypothesis(
-            id=CauseId(kind="taken" if is_reference else "literal", subject=(number.address,)),
-            value=number.value,
-            size=number.scale,
-            rank=rank("literal"),
-            where=(source_line(number),),
-            correction=correction,
-            repair=Perturbation(numbers={i: correction}),
-        )
+        yield number_hypothesis(numbers.numerals[i], i, way, "taken" if is_reference else "literal")
     yield from _reversed(numbers)
     yield from _exchanged(numbers)
     if is_reference:
         yield from _dropped(numbers)
+
+
+def number_hypothesis(
+    number: Number, index: int, unit: float, kind: CauseKind = "taken", *, switch: bool = False
+) -> Hypothesis:
+    """Return the hypothesis that a number is wrong, or taken differently.
+
+    Args:
+        number: of the file.
+        index: its index there.
+        unit: change of the number that repairs one unit of the fault.
+        kind: of the cause.
+        switch: whether the fault is either 0 or 1.
+    """
+    return Hypothesis(
+        id=CauseId(kind=kind, subject=(number.address,)),
+        value=number.value,
+        size=1.0 if switch else number.scale,
+        rank=rank("literal"),
+        where=(line_of(number),),
+        correction=unit,
+        switch=switch,
+        repair=Perturbation(numbers={index: unit}),
+    )
 
 
 def _reversed(numbers: ModelFile) -> Iterator[Hypothesis]:
@@ -357,7 +343,7 @@ def _exchanged(numbers: ModelFile) -> Iterator[Hypothesis]:
 def _switch(
     numbers: ModelFile, cause: CauseId, units: Mapping[int, float], order: int
 ) -> Hypothesis:
-    places = tuple(dict.fromkeys(source_line(numbers.numerals[i]) for i in units))
+    places = tuple(dict.fromkeys(line_of(numbers.numerals[i]) for i in units))
     repair = Perturbation(numbers=units)
     return Hypothesis(
         id=cause, value=0.0, size=1.0, rank=order, where=places, switch=True, repair=repair
@@ -415,8 +401,3 @@ def _mass(number: Number) -> float | None:
         return float(masses[0].attributes["value"]) if masses else None
     except (KeyError, ValueError):
         return None
-
-
-def source_line(number: Number) -> SourceLine:
-    """Return the line and the bytes of a number."""
-    return SourceLine(file=number.file.name, line=number.line, span=number.span, text=number.text)

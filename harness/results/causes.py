@@ -54,7 +54,7 @@ def _statement(cause: Cause, name: str, fitted: str) -> str:
         return f"{name} is {nominal} in the file{acts} {fitted}{there}"
     if cause.kind in IN_FILE:
         return f"{name} is {nominal}; the motion implies {fitted}"
-    return f"{name} is {fitted} in the model, but {nominal} in the equations"
+    return f"{name} is {nominal} in the equations; the model acts as if it were {fitted}"
 
 
 def _fitted(value: Number, error: Number) -> str:

@@ -15,6 +15,7 @@ from physics_crosscheck.harness.checks.acting import (
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.comparison import ComparedActing
+from physics_crosscheck.harness.records.finding import is_near
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from .candidate import Facts
 
@@ -71,7 +72,9 @@ def _compared(
     either = here or there
     assert either is not None
     values = [None if row is None else row.value for row in (here, there)]
-    if not _equal(*values) or (here and there and _clamped_elsewhere(here, there)):
+    if not is_near(values[0], values[1], EQUAL) or (
+        here and there and _clamped_elsewhere(here, there)
+    ):
         yield ComparedActing(
             subject=either.subject,
             quantity=either.quantity,
@@ -85,12 +88,6 @@ def _compared(
 def _clamped_elsewhere(a: ActingQuantity, b: ActingQuantity) -> bool:
     """Return whether two drives clamp their forces before and after others add up."""
     return a.quantity == LARGEST and a.rule != b.rule
-
-
-def _equal(first: float | None, other: float | None) -> bool:
-    if first is None or other is None:
-        return first is other
-    return math.isclose(first, other, rel_tol=EQUAL)
 
 
 def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
@@ -161,6 +158,6 @@ def _mixing(a: ActingQuantity | None, b: ActingQuantity | None) -> str:
             "smaller": min(row.parts),
         }
         for rule, value in rules.items():
-            if _equal(value, other.value) and not _equal(value, row.value):
+            if is_near(value, other.value, EQUAL) and not is_near(value, row.value, EQUAL):
                 return f"the friction of {label} is the {rule} of the two of the other file"
     return ""

@@ -296,6 +296,13 @@ def turned_about(point: Array, axis: Array, angle: float) -> Place:
     return Place(rotation, point - rotation @ point)
 
 
+def angle_of(rotation: Array) -> float:
+    """Return the angle of a rotation, rad, accurate for small and large angles."""
+    odd = rotation - rotation.T
+    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
+    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))
+
+
 def paired_links(
     placed_a: PlacedTree, placed_b: PlacedTree, names: Sequence[tuple[str, str]]
 ) -> tuple[tuple[LinkPair, ...], tuple[tuple[str, str, str], ...]]:

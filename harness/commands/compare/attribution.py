@@ -94,20 +94,24 @@ def attributed(
     quiet = [edit.record for edit in differences if _is_ineffective(edit, root, visual)]
     if not can:
         return Attribution(trials=tuple(rest), silent=_silent(rest, quiet))
-    bench = _Bench.prepare(executor, prepared, recorded, followed, len(can))
+    measured = _bench(executor, prepared, recorded, followed, len(can))
     looks = [re.compile(pattern) for pattern in engine.non_physical]
     ineffective = [edit for edit in can if _is_ineffective(edit, root, looks)]
     others = sorted((edit for edit in can if edit not in ineffective), key=_size, reverse=True)
-    idle_limit = (
-        0 if is_known and len(others) + len(ineffective) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+    idle_limit, single_limit = (
+        0 if is_known and count > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+        for count in (len(others) + len(ineffective), len(others))
     )
-    trials = bench.try_ineffective(ineffective, idle_limit)
-    single_limit = 0 if is_known and len(others) > MAX_SINGLE_TRIALS else MAX_SINGLE_TRIALS
+    together = measured([tuple(ineffective)]) if len(ineffective) > 1 else []
+    if together and not together[0].not_tried and together[0].moved == 0.0:
+        trials = [_difference((edit,)) for edit in ineffective]
+    else:
+        trials = measured([(edit,) for edit in ineffective[:idle_limit]])
     sets: list[tuple[SourceEdit, ...]] = [(edit,) for edit in others[:single_limit]]
     untried = len(can) - len(trials) - len(sets)
     if len(can) > 1:
         sets.append(tuple(can))
-    trials += [*bench.tried(sets), *rest]
+    trials += [*measured(sets), *rest]
     # Round to six digits, so that last digits do not change the order of like trials.
     trials.sort(key=_largest_first)
     return Attribution(trials=tuple(trials), untried=untried, silent=_silent(trials, quiet))
@@ -166,88 +170,53 @@ def _size(edit: SourceEdit) -> float:
     return abs(old - new) / large if large and np.isfinite(large) else 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Bench:
-    """Setup for trials: end states of A and B, unmodified.
+def _bench(
+    executor: Executor,
+    prepared: PreparedComparison,
+    recorded: Recorded,
+    followed: Ends,
+    count: int,
+) -> Callable[[Sequence[tuple[SourceEdit, ...]]], list[FileDifference]]:
+    """Run both models, unmodified, on some of the runs; return a trial of sets of edits in A.
 
-    Attributes:
-        run: returns the end states of A with some edits.
-        a, b: end states, (K, 2m).
-        scale: how far each component moves, (2m,).
-        floor: relative size below which nothing is certain.
+    `count` is that of all edits.
     """
+    scale = recorded.compared.unit
+    doubt = (recorded.bound + followed.uncertainty) / scale
+    # Elsewhere than in smooth runs nothing is certain.
+    smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
+    smooth = smooth if len(smooth) else np.arange(len(doubt))
+    some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
+    (a, b), match = prepared.models, prepared.match
 
-    executor: Executor
-    candidate: Candidate
-    run: Callable[[tuple[SourceEdit, ...]], Array]
-    a: Array
-    b: Array
-    scale: Array
-    floor: float
-
-    @staticmethod
-    def prepare(
-        executor: Executor,
-        prepared: PreparedComparison,
-        recorded: Recorded,
-        followed: Ends,
-        count: int,
-    ) -> _Bench:
-        """Run both models, unmodified, on some of the runs."""
-        doubt = (recorded.bound + followed.uncertainty) / recorded.compared.unit
-        # Elsewhere than in smooth runs nothing is certain.
-        smooth = np.flatnonzero(np.max(doubt, axis=1) <= SMOOTH_UNCERTAINTY)
-        smooth = smooth if len(smooth) else np.arange(len(doubt))
-        some = smooth[even_indices(len(smooth), TRIAL_RUNS)]
-        (a, b), match = prepared.models, prepared.match
-
-        def run(candidate: Candidate) -> partial[Array]:
-            source = candidate.label == match.source
-            runs = recorded.runs if source else recorded.compared
-            return partial(
-                tried,
-                candidate=candidate,
-                runs=runs.pick(some),
-                match=match if source else None,
-                near=recorded.compared.end[some],
-                periodic=match.periodic,
-                actuation=_actuation(a, b),
-                count=count,
-            )
-
-        relevant = doubt[some]
-        return _Bench(
-            executor=executor,
-            candidate=a,
-            run=run(a),
-            a=ask(executor, a, run(a), ()),
-            b=ask(executor, b, run(b), ()),
-            scale=recorded.compared.unit,
-            floor=2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13)),
+    def run(candidate: Candidate) -> partial[Array]:
+        source = candidate.label == match.source
+        runs = recorded.runs if source else recorded.compared
+        return partial(
+            tried,
+            candidate=candidate,
+            runs=runs.pick(some),
+            match=match if source else None,
+            near=recorded.compared.end[some],
+            periodic=match.periodic,
+            actuation=_actuation(a, b),
+            count=count,
         )
 
-    def tried(self, sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
-        """Apply each set of differences at once."""
-        values = ask_each(self.executor, self.candidate, self.run, sets)
+    relevant = doubt[some]
+    ends_a, ends_b = ask(executor, a, run(a), ()), ask(executor, b, run(b), ())
+    floor = 2 * float(np.max(relevant[np.isfinite(relevant)], initial=1e-13))
+
+    def measured(sets: Sequence[tuple[SourceEdit, ...]]) -> list[FileDifference]:
+        values = ask_each(executor, a, run(a), sets)
         return [
             _difference(made, not_tried=value.reason)
             if isinstance(value, Failure)
-            else _attributed(made, value, self.a, self.b, self.scale, self.floor)
+            else _attributed(made, value, ends_a, ends_b, scale, floor)
             for made, value in zip(sets, values, strict=True)
         ]
 
-    def try_ineffective(self, group: Sequence[SourceEdit], limit: int) -> list[FileDifference]:
-        """Try probably ineffective differences at once; try some singly if there is an effect.
-
-        Args:
-            group: the differences.
-            limit: maximum number tried singly.
-        """
-        if len(group) > 1:
-            (together,) = self.tried([tuple(group)])
-            if not together.not_tried and together.moved == 0.0:
-                return [_difference((edit,)) for edit in group]
-        return self.tried([(edit,) for edit in group[:limit]])
+    return measured
 
 
 def tried(

@@ -371,14 +371,19 @@ class _Turned:
     Attributes:
         names: of these joints.
         signs: -1 for each, (m,).
-        remaining: the largest discrepancy then.
-        followed: the target's end states then.
+        judgement: of the target then.
+        followed: its end states then.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...] = ()
     signs: Array
-    remaining: float
+    judgement: Judgement
     followed: Ends
+
+    @property
+    def remaining(self) -> float:
+        """The largest discrepancy."""
+        return self.judgement.largest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -399,27 +404,25 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     start = start_range(*prepared.source_first(prepared.facts), match)
     recorded = _recorded(executor, options, prepared, start)
     judged = partial(_judged, executor, prepared, recorded, options.resolution)
-    followed, judgement = judged(np.ones(len(match.names)))
+    plain = judged(np.ones(len(match.names)))
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
     files = replace(files, properties=(*prepared.locked, *files.properties))
+    judgement = plain.judgement
     if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
         sides = prepared.source_first(files.sides)
         judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)
-    plain = _Turned(
-        names=(), signs=np.ones(len(match.names)), remaining=judgement.largest, followed=followed
-    )
-    turned = plain
+    turned = plain = replace(plain, judgement=judgement)
     if judgement.outcome is Outcome.DIFFERS and plain.remaining >= MIN_REVERSED_DISCREPANCY:
         names = tuple(name for name in match.names if name in files.turned)
         if files.sides is None:
             turned = _sought(judged, match.names, options.resolution, plain)
         elif names:
             signs = np.where([name in names for name in match.names], -1.0, 1.0)
-            turned = replace(_with_signs(judged, signs), names=names)
+            turned = replace(judged(signs), names=names)
     return _Motions(
         start=start,
         recorded=recorded,
-        followed=followed,
+        followed=plain.followed,
         judgement=judgement,
         files=files,
         turned=turned,
@@ -460,30 +463,24 @@ def _runs_of_a(recorded: Recorded, match: Match) -> Segments | None:
     return own_forces(recorded.runs, match) if match.constant else None
 
 
-_Judge = Callable[[Array], tuple[Ends, Judgement]]
-"""Run and judge the target with some reversed joints, given by signs (m,)."""
-
-
 def _judged(
     executor: Executor,
     prepared: PreparedComparison,
     recorded: Recorded,
     resolution: float,
     signs: Array,
-) -> tuple[Ends, Judgement]:
+) -> _Turned:
     """Run the target from the source's states, with some reversed joints."""
     target = prepared.source_first(prepared.models)[1]
     run = partial(run_target, runs=recorded.compared, signs=signs, resolution=resolution)
     followed = ask(executor, target, run, target)
-    return followed, judge(recorded, followed, prepared.match, resolution)
+    judgement = judge(recorded, followed, prepared.match, resolution)
+    return _Turned(signs=signs, judgement=judgement, followed=followed)
 
 
-def _with_signs(judged: _Judge, signs: Array) -> _Turned:
-    followed, judgement = judged(signs)
-    return _Turned(names=(), signs=signs, remaining=judgement.largest, followed=followed)
-
-
-def _sought(judged: _Judge, names: Sequence[str], resolution: float, best: _Turned) -> _Turned:
+def _sought(
+    judged: Callable[[Array], _Turned], names: Sequence[str], resolution: float, best: _Turned
+) -> _Turned:
     """Reverse one joint after the other while that removes most of the discrepancy."""
     while True:
         tried: dict[int, _Turned] = {}
@@ -491,7 +488,7 @@ def _sought(judged: _Judge, names: Sequence[str], resolution: float, best: _Turn
             signs = best.signs.copy()
             signs[i] = -1.0
             with contextlib.suppress(FailureError):
-                tried[i] = _with_signs(judged, signs)
+                tried[i] = judged(signs)
         nearest = min(tried.values(), key=lambda one: one.remaining, default=best)
         if not tried or nearest.remaining > 0.1 * best.remaining:
             return best

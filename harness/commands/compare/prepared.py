@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.readers import read_robot
@@ -327,7 +328,7 @@ def _uncompared(models: Pair) -> Iterator[str]:
     if len({one.candidate.sidecar.model.suffix for one in models}) == 1:
         return
     for model in models:
-        parts = [_counted(part) for part in _parts(model) if part.what != LIMITS]
+        parts = [format_omission(part) for part in _parts(model) if part.what != LIMITS]
         if parts:
             yield f"{NOT_COMPARED}: {', '.join(parts)}, in {model.candidate.label}"
 
@@ -350,7 +351,7 @@ def omission_notes(prepared: PreparedComparison, *, by_law: bool) -> tuple[str, 
     compared = BY_LAW if by_law else ()
     # Such as: contact geometry (12), dry friction (7).
     texts = [
-        ", ".join(_counted(part) for part in parts if not part.what.startswith(compared))
+        ", ".join(format_omission(part) for part in parts if not part.what.startswith(compared))
         for parts in prepared.omissions
     ]
     files = {one.sidecar.model.resolve() for one in prepared.models}
@@ -370,7 +371,3 @@ def _parts(model: Facts) -> tuple[Omission, ...]:
         return ()
     kept = COUPLED if settings.get("couplings", True) else ()
     return tuple(one for one in model.robot.left_out if not one.what.startswith((*ALWAYS, *kept)))
-
-
-def _counted(omission: Omission) -> str:
-    return omission.what if omission.count == 1 else f"{omission.what} ({omission.count})"

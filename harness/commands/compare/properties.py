@@ -28,6 +28,7 @@ from .alignment import (
     Aligned,
     PlacedTree,
     aligned,
+    angle_of,
     paired_links,
     turned_about,
     with_joint,
@@ -603,7 +604,7 @@ def frame_properties(
         name = place.partition(":")[2]
         apart = b[0][i] - a[0][i]
         far = float(np.linalg.norm(apart))
-        turn = _angle(a[1][i].T @ b[1][i])
+        turn = angle_of(a[1][i].T @ b[1][i])
         parts = []
         if far > max(POSE_ACCURACY, SAME) * size:
             x, y, z = (f"{value + 0.0:.4g}" for value in apart)
@@ -616,10 +617,3 @@ def frame_properties(
                 make_property("frame", name, message, moves=False, relative=far / size + turn)[0]
             )
     return tuple(differences)
-
-
-def _angle(rotation: Array) -> float:
-    """Return the angle of a rotation, rad, accurate for small and large angles."""
-    odd = rotation - rotation.T
-    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
-    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))

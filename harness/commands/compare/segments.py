@@ -86,17 +86,11 @@ def run_target(target: Candidate, runs: Segments, signs: Array, resolution: floa
     Raises:
         EngineError, BlownUpError: for a failing run.
     """
-    model, both = target.load(), np.concatenate([signs, signs])
-    extrapolated = ends(model, reversed_segments(runs, signs), None, resolution)
-    limit = extrapolated.limit
-    return Ends(
-        length=runs.length,
-        value=limit.value * both,
-        uncertainty=limit.uncertainty,
-        finest=extrapolated.raw[-1] * both,
-        limit=limit,
-        claimed=model.exponents(False)[0],
+    reached, both = (
+        _ends(target.load(), reversed_segments(runs, signs), None, resolution),
+        [*signs] * 2,
     )
+    return replace(reached, value=reached.value * both, finest=reached.finest * both)
 
 
 def run_source(source: Candidate, runs: Segments, match: Match, resolution: float) -> Ends:
@@ -115,7 +109,7 @@ def run_source(source: Candidate, runs: Segments, match: Match, resolution: floa
     for divisor in RUN_DIVISORS:
         shorter = replace(runs, lengths=runs.lengths / divisor)
         try:
-            tried = _source_ends(model, match, shorter, resolution)
+            tried = _ends(model, shorter, match, resolution)
         except BlownUpError:
             continue
         value = unwrapped(tried.value, start, match.periodic)
@@ -132,14 +126,17 @@ def run_source(source: Candidate, runs: Segments, match: Match, resolution: floa
     return best[1]
 
 
-def _source_ends(model: LoadedModel, match: Match, runs: Segments, resolution: float) -> Ends:
+def _ends(model: LoadedModel, runs: Segments, match: Match | None, resolution: float) -> Ends:
+    """Return the ends of runs; `match` is that of the source, None for the target."""
     extrapolated = ends(model, runs, match, resolution)
-    limit = extrapolated.limit
+    limit, finest = extrapolated.limit, extrapolated.raw[-1]
     return Ends(
         length=runs.length,
-        value=match.convert(limit.value),
-        uncertainty=match.errors(limit.value, limit.uncertainty),
-        finest=match.convert(extrapolated.raw[-1]),
+        value=limit.value if match is None else match.convert(limit.value),
+        uncertainty=limit.uncertainty
+        if match is None
+        else match.errors(limit.value, limit.uncertainty),
+        finest=finest if match is None else match.convert(finest),
         limit=limit,
         claimed=model.exponents(False)[0],
     )

@@ -22,7 +22,7 @@ from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
-from .alignment import SAME, Aligned
+from .alignment import SAME, Aligned, angle_of
 from .match import (
     JointPair,
 )
@@ -238,9 +238,7 @@ def _turn(x: _Shape, y: _Shape) -> float:
         return float(np.arctan2(np.linalg.norm(between[:2, 2]), cosine))
     if x.shape.kind in ("box", "ellipsoid"):
         between = between * np.sign(np.where(np.diag(between) < 0, -1.0, 1.0))
-    odd = between - between.T
-    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
-    return float(np.arctan2(sine, (np.trace(between) - 1) / 2))
+    return angle_of(between)
 
 
 def _numbers(values: Array) -> str:

@@ -292,48 +292,31 @@ class _Pair:
 
     def resistance(self) -> Iterator[ComparedTerm]:
         """Yield differences of damping, and of other forces that depend on the velocity."""
-        error = _doubt(self.a.odd, self.b.odd)
-        differing = np.abs(self.a.odd.value - self.b.odd.value) > error
-        for i in range(len(self.names)):
+        a, b, error = self.a.odd.value, self.b.odd.value, _doubt(self.a.odd, self.b.odd)
+        differing = np.abs(a - b) > error
+        for i, name in enumerate(self.names):
             for j in range(len(self.names)):
                 # At the higher speed, for which the value is reported.
-                miss = self.a.odd.value[..., j, i] - self.b.odd.value[..., j, i]
+                miss = a[..., j, i] - b[..., j, i]
                 base = _worst(miss[:, 1], error[:, 1, j, i])
                 if base is None:
                     continue
                 doubts, ratio = error[base, :, j, i], SPEEDS[1] / SPEEDS[0]
-                nonlinear = abs(miss[base] @ (-ratio, 1.0)) > doubts @ (ratio, 1.0)
-                if nonlinear:
-                    dry = abs(miss[base, 1] - miss[base, 0]) <= doubts.sum()
-                    yield self._friction(i, j, base, dry=bool(dry))
+                here, there = float(-a[base, 1, j, i]), float(-b[base, 1, j, i])
+                effect = abs(here - there) / self.forces[i]
+                speed = SPEEDS[1] * self.unit[j] * self.typical
+                if abs(miss[base] @ (-ratio, 1.0)) > doubts @ (ratio, 1.0):
+                    what, suffix = f"friction on {name}", ", whatever its speed"
+                    if abs(miss[base, 1] - miss[base, 0]) > doubts.sum():
+                        what = f"force on {name} that depends on the velocity, not linearly"
+                        suffix = f" at {self.names[j]}_dot = {speed:.3g}"
+                    values = here, there, float(doubts[1])
+                    yield self._term("friction", (name,), what, values, effect, None, suffix)
                 elif j >= i or not differing[..., i, j].any():  # else reported as (j, i)
-                    yield self._damping(i, j, base, float(doubts[1]))
-
-    def _resisting(self, i: int, j: int, base: int) -> tuple[float, float, float]:
-        """Return the force on joint i of both models, and the speed of joint j."""
-        here, there = (float(-m.value[base, 1, j, i]) for m in (self.a.odd, self.b.odd))
-        return here, there, SPEEDS[1] * self.unit[j] * self.typical
-
-    def _friction(self, i: int, j: int, base: int, *, dry: bool) -> ComparedTerm:
-        (here, there, speed), name = self._resisting(i, j, base), self.names[i]
-        what, suffix = f"friction on {name}", ", whatever its speed"
-        if not dry:
-            what = f"force on {name} that depends on the velocity, not linearly"
-            suffix = f" at {self.names[j]}_dot = {speed:.3g}"
-        doubt = float(_doubt(self.a.odd, self.b.odd)[base, 1, j, i])
-        effect = abs(here - there) / self.forces[i]
-        return self._term("friction", (name,), what, (here, there, doubt), effect, None, suffix)
-
-    def _damping(self, i: int, j: int, base: int, doubt: float) -> ComparedTerm:
-        here, there, speed = self._resisting(i, j, base)
-        values, error = self.a.odd.value[:, 1, j, i], _doubt(self.a.odd, self.b.odd)[:, 1, j, i]
-        return self._term(
-            "damping",
-            *self._between("damping", i, j),
-            (here / speed, there / speed, doubt / speed),
-            abs(here - there) / self.forces[i],
-            base if np.ptp(values) > 10 * np.max(error) else None,
-        )
+                    values = here / speed, there / speed, float(doubts[1]) / speed
+                    varies = np.ptp(a[:, 1, j, i]) > 10 * np.max(error[:, 1, j, i])
+                    subject = self._between("damping", i, j)
+                    yield self._term("damping", *subject, values, effect, base if varies else None)
 
     def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[ComparedTerm]:
         """Yield differences of stiffness if forces are linear in the positions, else of forces."""
