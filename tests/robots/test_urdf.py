@@ -176,7 +176,7 @@ WHEEL = """<collision><origin rpy="1.5708 0 0"/><geometry><cylinder radius="0.1"
 def test_root_is_free_on_legs_or_wheels(
     root: tuple[str, str], heights: tuple[str, str], free: bool, tmp_path: Path
 ) -> None:
-    """Two chains that reach below the root's shapes free it, unless the caller holds it."""
+    """Require two chains that reach below the root's shapes; the caller can still hold it."""
     lines = [link("base", "".join(root)), *(link(name, BODY + WHEEL) for name in "ab")]
     lines += [
         joint(f"to_{name}", "base", name, f'<origin xyz="0 0 {z}"/><axis xyz="0 1 0"/>')

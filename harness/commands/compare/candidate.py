@@ -77,7 +77,7 @@ class Candidate:
 
     @property
     def floating(self) -> bool | None:
-        """Whether its root moves freely; None if neither sidecar nor settings state it."""
+        """True if its root moves freely; None if neither sidecar nor settings state it."""
         floats = self.settings.get("floating")
         return None if floats is None else bool(floats)
 

@@ -96,14 +96,14 @@ def jobs(default: str = "one per processor") -> Option:
     )  # fmt: skip
 
 
-def floating(default: str = "free if it stands on legs or wheels") -> Option:
+def floating(default: str = "free on legs or wheels") -> Option:
     """Return --floating and --no-floating; `default` describes what happens without them."""
     return option(
         "Robot files",
         "--floating",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help=f"Let the root link of a standalone URDF move, or hold it [{default}]",
+        help=f"Let the root link of a URDF move, or hold it [{default}]",
     )
 
 
