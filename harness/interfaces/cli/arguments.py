@@ -103,7 +103,7 @@ def floating(default: str = "free on legs or wheels") -> Option:
         "--floating",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help=f"Let the root link of a URDF move, or hold it [{default}]",
+        help=f"Let the root of a URDF move, or hold it [{default}]",
     )
 
 
