@@ -91,7 +91,8 @@ def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
 
 _UNREAD = re.compile(
     r"<(?!(contact|plugin|sensor)\b)[\w:]+> of <(?!(world|sdf|physics)\b).*"
-    r"|[\w:]+ of <(?!robot\b).*|<(?!(transmission|sensor|group|ros2_control|mujoco|plugin)\b)\w+>"
+    r"|[\w:]+ of <(?!robot\b).*"
+    r"|(?!<mujoco>)<(?!(transmission|sensor|group|ros2_control|plugin)\b)\w+>"
 )
 """Content of a URDF or SDF that no engine reads, and that may change motions."""
 

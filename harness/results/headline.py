@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.case import Case, Verdict
+from physics_crosscheck.harness.records.cause import SWITCHES
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.poses import Poses
@@ -79,6 +80,9 @@ def _explained(models: Sequence[Model], cases: Sequence[Case]) -> str:
         verb = "drops" if len({one.engine for one in cases}) == 1 else "drop"
         links = counted(len(massless), "link")
         return f"{engine_titles} {verb} the inertia of {links} of {_file(case)}: {effect}"
+    if cause.kind in SWITCHES:
+        begin = "" if str(cause).startswith(f"{engine_titles}'s") else f" in {engine_titles}"
+        return f"{_file(case)}{begin}: {cause}; {effect}"
     return f"{_file(case)} in {engine_titles}: {brief_cause(cause)}; {effect}"
 
 
@@ -108,22 +112,24 @@ _VERBS = {
 }
 """Verbs after one engine, and after several."""
 
+_NO_VERDICT = ("has no verdict on", "have no verdict on")
+
 
 def _of_files(results: Results, issues: Sequence[Issue], count: int) -> list[str]:
     """Return which engines do not follow which of several files."""
-    amiss: dict[tuple[str, Outcome], dict[str, None]] = {}
+    amiss: dict[tuple[str, tuple[str, str]], dict[str, None]] = {}
     for issue in issues:
         for case in (issue.worst, *issue.others):
-            amiss.setdefault((case.engine, case.outcome), {})[_file(case)] = None
-    alike: dict[tuple[Outcome, str], list[str]] = {}
-    for (engine, outcome), files in amiss.items():
-        alike.setdefault((outcome, listed([*files], NAMED)), []).append(engine)
+            verbs = _VERBS.get(case.outcome, _NO_VERDICT)
+            amiss.setdefault((case.engine, verbs), {})[_file(case)] = None
+    alike: dict[tuple[tuple[str, str], str], list[str]] = {}
+    for (engine, verbs), files in amiss.items():
+        alike.setdefault((verbs, listed([*files], NAMED)), []).append(engine)
     if not alike:
         return [f"Every engine follows all {count} files{_to(results.cases)}"]
     sentences = []
-    for (outcome, which), names in alike.items():
-        verb = _VERBS.get(outcome, ("has no verdict on", "have no verdict on"))[len(names) > 1]
-        by_engine = f"{_titles(names)} {verb} {which}"
+    for (verbs, which), names in alike.items():
+        by_engine = f"{_titles(names)} {verbs[len(names) > 1]} {which}"
         sentences.append(f"{which} can't be checked" if names == ["-"] else by_engine)
     return sentences
 

@@ -147,6 +147,7 @@ SEARCHED = ("harness", "reference", "physics_crosscheck")
 HOME = ROOT / "harness" / "engines"
 EXAMPLES = (
     "harness/records/codes.toml",
+    "harness/documents/schemas.toml",
     "harness/extras/sweep/command.py",
     "harness/extras/versions/command.py",
     "harness/interfaces/cli/arguments.py",

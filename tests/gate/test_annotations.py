@@ -200,10 +200,11 @@ def test_workflow_and_hooks_call_existing_commands(capsys: pytest.CaptureFixture
     workflow = yaml.safe_load((root / "docs/ci/github-workflow.yml").read_text())
     lines = [step["run"] for step in workflow["jobs"]["gate"]["steps"] if "run" in step]
     hooks = yaml.safe_load((root / ".pre-commit-hooks.yaml").read_text())
-    assert {hook["id"] for hook in hooks} == {"crosscheck-gate", "crosscheck-gate-system"}
+    ids = {hook["id"] for hook in hooks}
+    assert ids == {"crosscheck-gate", "crosscheck-gate-system", "crosscheck-audit"}
     lines += [hook["entry"] for hook in hooks]
     called = [line.split(" || ")[0].split()[1:] for line in lines if line.startswith("crosscheck")]
-    assert len(called) == 4
+    assert len(called) == 5
     for name, *options in called:
         with pytest.raises(SystemExit):
             cli.main([name, "--help"])

@@ -20,7 +20,7 @@ GRAVITY, STEP = 9.81, 0.002
 
 
 def from_model(
-    model: Path, target: Path, *, floating: bool = False, chosen: str = ""
+    model: Path, target: Path, *, floating: bool | None = None, chosen: str = ""
 ) -> tuple[str, ...]:
     """Write the folder of a model file, and return remarks to print.
 

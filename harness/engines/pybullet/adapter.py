@@ -624,8 +624,10 @@ class PybulletModel(LoadedModel):
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
 
-    def loaded_stepper(self) -> BodyStepper:
-        """Return the body, loaded again if another model has been loaded since."""
+    def loaded_stepper(self, *, reload: bool = False) -> BodyStepper:
+        """Return the body, loaded again if another model has been loaded since, or to `reload`."""
+        if reload:
+            self._load()
         self._ensure_loaded()
         return self.stepper
 

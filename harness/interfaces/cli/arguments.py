@@ -103,7 +103,7 @@ def floating(default: str = "free on legs or wheels") -> Option:
         "--floating",
         action=argparse.BooleanOptionalAction,
         default=None,
-        help=f"Let the root of a URDF move, or hold it [{default}]",
+        help=f"Free or hold a URDF's root [{default}]",
     )
 
 
@@ -276,12 +276,12 @@ IGNORE = option(
 )
 
 
-def details(what: str) -> Option:
-    """Return --details; `what` describes what it prints."""
-    return option("Output", "--details", action="store_true", help=f"Print {what} too")
-
-
-DETAILS = details("errors, coverage, steps and every implausible number")
+DETAILS = option(
+    "Output",
+    "--details",
+    action="store_true",
+    help="Print figures, coverage, steps, runs and minor findings too",
+)
 STANDALONE = option(
     "Robot files",
     "--standalone",

@@ -356,7 +356,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.floating("as the other file"),
             arguments.RESOLUTION,
             arguments.STRICT,
-            arguments.details("runs, motions by joint, edits and minor differences"),
+            arguments.DETAILS,
             arguments.JSON_FILE,
             *arguments.limits(),
         ),

@@ -162,7 +162,7 @@ def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
 def read_urdf_robot(
     path: Path,
     *,
-    floating: bool | None = None,
+    floating: bool | None = False,
     armatures: Mapping[str, float] = MappingProxyType({}),
 ) -> Robot:
     """Read a URDF completely.
