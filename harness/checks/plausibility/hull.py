@@ -47,6 +47,12 @@ class Hull:
         """Return the distance of a point from the farthest plane that it is beyond, m."""
         return float(max((self.planes[:, :3] @ point + self.planes[:, 3]).max(), 0.0))
 
+    def is_near(self, other: Hull) -> bool:
+        """Return whether their bounding boxes overlap."""
+        ends = self.points.max(axis=0) - other.points.min(axis=0)
+        starts = other.points.max(axis=0) - self.points.min(axis=0)
+        return bool((ends >= 0).all() and (starts >= 0).all())
+
     def farthest(self, point: Array) -> float:
         """Return the largest distance between a point and the hull, m."""
         return float(np.linalg.norm(self.points - point, axis=1).max())

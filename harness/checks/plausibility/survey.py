@@ -25,19 +25,7 @@ def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     facts = RobotFacts(robot, robot.tree)
     with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
         advice = advise(facts)
-    findings = tuple(
-        finding(
-            one.kind,
-            one.subject,
-            one.message,
-            location=one.line,
-            expected=one.expected,
-            actual=one.actual,
-            severity="advice",
-        )
-        for one in advice
-    )
-    return (*findings, *_uncompared(facts))
+    return (*advice, *_uncompared(facts))
 
 
 def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
