@@ -32,7 +32,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Place,
     SpatialInertia,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from ..findings import finding
 from .hull import SOLIDS, Hull, extreme_points, hull_of, placed_points, scaled, solid_points
 
@@ -118,8 +118,9 @@ class RobotFacts:
     def bodies(self) -> tuple[WeldedBody, ...]:
         """Bodies that move, and for a file without shapes of the world, the base."""
         first = 0 if self.robot.file.suffix == COMPILED else WORLD
-        bodies = (self._body(i) for i in range(first, len(self.tree.links)))
-        return tuple(body for body in bodies if body is not None and _is_physical(body.inertia))
+        indices = {part.body for part in self.robot.parts if part.body >= first}
+        bodies = (self._body(index) for index in sorted(indices))
+        return tuple(body for body in bodies if _is_physical(body.inertia))
 
     @cached_property
     def body_of(self) -> Mapping[str, WeldedBody]:
@@ -212,7 +213,8 @@ class RobotFacts:
         force = np.asarray(recursion.bias(q, np.zeros((tree.nv, 1))), float)[:, 0]
         force = force - np.asarray(recursion.lift(q), float)[:, 0]
         return {
-            link.name: float(force[there.start]) + _spring(link, self.rest[link.name])
+            link.name: float(force[there.start])
+            + link.stiffness * (self.rest[link.name] - link.rest[0])
             for link, there in zip(tree.links, tree.velocities, strict=True)
             if link.name in self.rest
         }
@@ -222,13 +224,11 @@ class RobotFacts:
         """Diagonal of a box about all links and shapes as drawn, m; 0 if it is unknown."""
         if any(body.has_mesh and body.whole_hull is None for body in self.bodies):
             return 0.0
-        points = [place.origin[None] for place in self.places.values()]
-        for body in self.bodies:
-            if body.whole_hull is not None:
-                pose = self.poses[body.parts[0].body]
-                points.append(placed_points(body.whole_hull.points, pose))
-        span = np.ptp(np.concatenate(points), axis=0) if len(self.places) > 1 else np.zeros(3)
-        return float(np.linalg.norm(span))
+        hulls = ((self.poses[body.parts[0].body], body.whole_hull) for body in self.bodies)
+        points = [placed_points(hull.points, pose) for pose, hull in hulls if hull is not None]
+        points += [place.origin[None] for place in self.places.values()]
+        span = np.ptp(np.concatenate(points), axis=0)
+        return float(np.linalg.norm(span)) if len(self.places) > 1 else 0.0
 
     @cached_property
     def mass_sources(self) -> Mapping[str, str]:
@@ -281,18 +281,6 @@ class RobotFacts:
             severity="advice",
         )  # fmt: skip
 
-    def drive_line(self, joint: str) -> SourceLine:
-        """Return the line of the first drive that names a joint, or of the joint."""
-        drives = (drive for root in self.roots for drive in root.findall("actuator/*"))
-        lines = (line_of(drive) for drive in drives if drive.get("joint") == joint)
-        return next(lines, None) or self.line("joint", joint)
-
-    @cached_property
-    def efforts(self) -> Mapping[str, tuple[float, SourceLine]]:
-        """Largest force of the drive of each joint, N or N m, with its line."""
-        is_compiled = self.robot.file.suffix == COMPILED
-        return dict(_compiled_efforts(self) if is_compiled else _stated_efforts(self))
-
     @cached_property
     def joint_numbers(self) -> Mapping[str, Mapping[str, float]]:
         """Damping, friction, efforts, speeds and gains of joints, by joint and quantity."""
@@ -301,15 +289,8 @@ class RobotFacts:
             numbers.setdefault(joint, {})[what] = value
         return numbers
 
-    @property
-    def has_keyframes(self) -> bool:
-        """True if the file states poses besides the drawn one."""
-        return any(root.find("keyframe/key") for root in self.roots)
-
-    def _body(self, index: int) -> WeldedBody | None:
+    def _body(self, index: int) -> WeldedBody:
         parts = [part for part in self.robot.parts if part.body == index]
-        if not parts:
-            return None
         names = [part.name for part in parts]
         frames = {name: self.tree.frames.get(name, (WORLD, IDENTITY))[1] for name in names}
         inertia = NO_INERTIA
@@ -346,25 +327,37 @@ def _is_physical(inertia: SpatialInertia) -> bool:
 
 
 def _joint_numbers(facts: RobotFacts) -> Iterator[tuple[str, str, float]]:
-    """Yield numbers of joints, and friction and speed that a URDF or SDFormat file states."""
+    """Yield numbers of joints, and those that a URDF or SDFormat file states for them."""
     for name, joint in facts.joints.items():
         for what in ("damping", "stiffness", "armature"):
             value = getattr(joint, what)
             if isinstance(value, float | int):
                 yield name, what, value
-        if name in facts.efforts:
-            yield name, "effort", facts.efforts[name][0]
+    # A file that states transmissions states all of them.
+    driven = {one.get("name") for root in facts.roots for one in root.findall("transmission/joint")}
     for element, part in stated_parts(facts, "dynamics", "limit"):
-        for key in ("friction", "velocity"):
-            if (value := stated_number(part, key)) is not None:
-                yield element.get("name"), key, value
+        name = element.get("name")
+        for key in ("effort", "friction", "velocity"):
+            value = stated_number(part, key)
+            is_passive = key == "effort" and bool(driven) and name not in driven
+            if value is not None and not is_passive and (value >= 0 or key != "effort"):
+                yield name, key, value
 
 
 def _drive_numbers(facts: RobotFacts) -> Iterator[tuple[str, str, float]]:
-    """Yield the dry friction of a compiled file's joints, and the gains of their drives."""
-    if facts.compiled is None:
+    """Yield forces, dry friction and gains of the drives of a compiled file's joints.
+
+    Limits of drives that act on one joint are added.
+    """
+    if facts.compiled is None or facts.laws is None:
         return
-    for friction in () if facts.laws is None else facts.laws.frictions:
+    total: dict[str, float] = {}
+    for law in facts.laws.drives:
+        limit = np.inf if law.force_range is None else max(map(abs, law.force_range))
+        for name, gear in facts.compiled.paths[law.path].joints:
+            total[name] = total.get(name, 0.0) + limit * abs(gear)
+    yield from ((name, "effort", force) for name, force in total.items() if np.isfinite(force))
+    for friction in facts.laws.frictions:
         if friction.joint >= 0:
             yield facts.compiled.joints[friction.joint], "dry friction", friction.force
     for drive in facts.compiled.actuators:
@@ -387,23 +380,17 @@ def stated_number(element: XmlElement, key: str) -> float | None:
     return values[0] if values and len(values) == 1 else None
 
 
-def _spring(link: TreeLink, position: float) -> float:
-    """Return the force of a joint's linear spring at a position."""
-    return link.stiffness * (position - link.rest[0])
-
-
 def _points(shape: PlacedShape, frame: Place) -> Array | None:
     """Return points of a shape in its body's frame; None if they can't be read."""
-    if shape.kind == "mesh":
-        file = locate_file(shape.file, shape.mesh)
-        try:
-            corners = None if file is None else _mesh_corners(file)
-        except MeshError:
-            corners = None
-        points = None if corners is None else scaled(corners, shape.scale)
-    else:
+    if shape.kind != "mesh":
         points = solid_points(shape.kind, shape.size)
-    return None if points is None else placed_points(points, frame.compose(shape.place))
+        return placed_points(points, frame.compose(shape.place))
+    file = locate_file(shape.file, shape.mesh)
+    with suppress(MeshError):
+        if file is not None:
+            points = scaled(_mesh_corners(file), shape.scale)
+            return placed_points(points, frame.compose(shape.place))
+    return None
 
 
 def solid_hull(shape: PlacedShape, frame: Place) -> Hull | None:
@@ -429,7 +416,7 @@ def element_line(
     """Return the line of a named element, or of its child if it has that one; None without it."""
     for element in (one for root in roots for one in root.iter(tag)):
         if element.get("name") == name:
-            return line_of((element.find(child) if child else None) or element)
+            return line_of(element.find(child) or element.find(f"axis/{child}") or element)
     return None
 
 
@@ -442,25 +429,3 @@ def roots_of(file: Path) -> Iterator[XmlElement]:
     for path in paths:
         with suppress(LocationError):
             yield Document(path).root
-
-
-def _stated_efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, SourceLine]]]:
-    """Yield largest forces of drives; a file that states transmissions states all of them."""
-    driven = {one.get("name") for root in facts.roots for one in root.findall("transmission/joint")}
-    for joint, limit in stated_parts(facts, "limit"):
-        effort = stated_number(limit, "effort")
-        if effort is not None and effort >= 0 and joint.get("name") in (driven or facts.joints):
-            yield joint.get("name"), (effort, line_of(limit))
-
-
-def _compiled_efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, SourceLine]]]:
-    """Yield limits of drives that act on one joint, added over drives of the same joint."""
-    total: dict[str, float] = {}
-    paths = () if facts.compiled is None else facts.compiled.paths
-    for drive in () if facts.laws is None else facts.laws.drives:
-        limit = np.inf if drive.force_range is None else max(map(abs, drive.force_range))
-        for name, gear in paths[drive.path].joints:
-            total[name] = total.get(name, 0.0) + limit * abs(gear)
-    for name, effort in total.items():
-        if np.isfinite(effort):
-            yield name, (effort, facts.line("joint", name))

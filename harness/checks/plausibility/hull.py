@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.sdf.frames import solid
 from physics_crosscheck.reference.mechanism.rotations import Array, Place
 
 SOLIDS = ("box", "sphere", "ellipsoid", "cylinder", "capsule")
@@ -135,20 +136,11 @@ def uniform(kind: str, sizes: Sequence[float]) -> tuple[float, Array]:
 
     Sizes as in `solid_points`.
     """
-    if kind in ("box", "ellipsoid"):
-        squares = np.square(sizes)
-        volume = float(np.prod(sizes)) * (8 if kind == "box" else 4 / 3 * np.pi)
-        return volume, (squares.sum() - squares) / (3 if kind == "box" else 5)
-    radius, half = sizes[0], sizes[1] if len(sizes) > 1 else 0.0
-    if kind == "cylinder":
-        across = radius**2 / 4 + half**2 / 3
-        return float(2 * np.pi * radius**2 * half), np.array([across, across, radius**2 / 2])
-    tube, ball = 2 * np.pi * radius**2 * half, 4 / 3 * np.pi * radius**3
-    volume = tube + ball
-    across = tube * (radius**2 / 4 + half**2 / 3)
-    across += ball * (2 / 5 * radius**2 + half**2 + 3 / 4 * radius * half)
-    along = tube * radius**2 / 2 + ball * 2 / 5 * radius**2
-    return float(volume), np.array([across, across, along]) / volume
+    radius, *half = sizes
+    if kind != "ellipsoid":
+        sizes = [2 * radius if kind == "box" else radius, *(2 * one for one in half)]
+    volume, _, moments = solid(kind, sizes)
+    return volume, np.array(moments)
 
 
 def scaled(points: Array, factors: Sequence[float]) -> Array:

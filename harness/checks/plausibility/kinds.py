@@ -14,12 +14,15 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
+from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
+from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart, Robot
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
-from physics_crosscheck.harness.results.status import counted, listed
+from physics_crosscheck.harness.results.status import counted, listed, unread_words
 from physics_crosscheck.reference.mechanism.rotations import Array
 from ..acting import acting_quantities
+from ..findings import finding
 from .assembly import open_loops, overlapping_links
 from .facts import (
     COMPILED,
@@ -38,14 +41,9 @@ from .mirror import mirrored_parts
 NAMED = 3
 """Most links or joints that a message names."""
 
-MIN_EQUAL = 3
-"""Fewest links with one tensor that make a placeholder."""
-
-UNLIKE = 1.5
-"""Ratio of masses or sizes from which links with one tensor differ."""
-
-NEGLIGIBLE_SHARE = 0.02
-"""Share of a body's mass below which the inertia of one of its links does not matter."""
+MIN_EQUAL, UNLIKE, NEGLIGIBLE_SHARE = 3, 1.5, 0.02
+"""Fewest links with one tensor that make a placeholder; ratio of masses or sizes from which these
+differ; share of a body's mass below which the inertia of one of its links does not matter."""
 
 MIN_OUTSIDE, OUTSIDE_SHARE = 0.005, 0.1
 """Smallest distance of a center of mass from the hull, m, and as a share of its diagonal."""
@@ -56,29 +54,22 @@ MAX_DENSITY = 22600.0
 MIN_DENSITY, MIN_SKIN = 3.0, 0.005
 """Density of a hull below that of foam, kg/m^3; mass per area of half a balloon's, kg/m^2."""
 
-MARKER_MASS = 1e-6
-"""Mass of a body that only marks a place, kg."""
+MARKER_MASS, MILLIMETRES = 1e-6, 10.0
+"""Mass of a body that only marks a place, kg; smallest diagonal of a link in millimetres, m."""
 
-MILLIMETRES = 10.0
-"""Smallest diagonal of a link that is drawn in millimetres, m."""
-
-FAR_RATIO = 1.5
-"""Ratio of an inertia to that of all mass at the farthest point, from which it is impossible."""
-
-SMALL_RATIO = 100.0
-"""Ratio of the inertia at uniform density to the stated one from which it is too small."""
+FAR_RATIO, SMALL_RATIO, NO_INERTIA_SHARE = 1.5, 100.0, 1e-9
+"""Ratio of an inertia to that of all mass at the farthest point, from which it is impossible; of
+the inertia at uniform density to one that is too small; and of one that counts as none to it."""
 
 LONG_RATIO, FIT_RATIO, SWAP_RATIO = 4.0, 2.5, 4.0
 """Ratio of a long shape's moments; misfit of swapped axes, and how much better it must be."""
 
-MIN_RATIO, MAX_RATIO = 0.05, 10.0
-"""Damping ratios of drives that oscillate for long, and that may creep."""
+MIN_RATIO, MAX_RATIO, MAX_LAG_SECONDS = 0.05, 10.0, 0.5
+"""Damping ratios of drives that oscillate for long, and that may creep, and the longest time
+constant of one that does not."""
 
 STOPPED_BANDS = 12
 """Dead bands of dry friction in an amplitude that ends within three periods: two a half period."""
-
-MAX_LAG_SECONDS = 0.5
-"""Longest time constant of a drive that does not creep."""
 
 EXACT, ODD_RATIO = 0.01, 1.5
 """Relative difference of moments that are computed from a shape; ratio of one that is not."""
@@ -94,9 +85,6 @@ DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
 
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
-
-NO_INERTIA_SHARE = 1e-9
-"""Moments that count as none, relative to those at uniform density."""
 
 SMALLEST_BALL = 4e-7 * np.eye(3)
 """Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
@@ -150,7 +138,7 @@ def _differ(facts: RobotFacts, parts: Sequence[LinkPart]) -> bool:
 
 
 def _by_shape(part: LinkPart, body: WeldedBody) -> Array | None:
-    """Return a link's principal moments at uniform density, kg m^2, (3,)."""
+    """Return a link's principal moments of inertia at uniform density, kg m^2, (3,)."""
     if body.hull is None or len(body.parts) > 1:
         return None
     return part.inertia.mass * moments(body.hull.moments_about(body.inertia.center))
@@ -172,18 +160,13 @@ def _by_hulls(facts: RobotFacts, body: WeldedBody) -> list[Advice | None]:
     # The hull is unknown if a shape can't be read, and may be larger.
     if body.hull is None or body.whole_hull is None:
         return []
-    kinds = {one[1].kind for one in _unlike_hull(facts, body, body.hull)}
-    return [one for one in _unlike_hull(facts, body, body.whole_hull) if one[1].kind in kinds]
-
-
-def _unlike_hull(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
-    """Yield advice about a body by the hull of its shapes, most certain first."""
-    yield from mesh_in_millimetres(facts, body, hull)
-    yield from inertia_too_large(facts, body, hull)
-    yield from center_outside(facts, body, hull)
-    yield from implausible_density(facts, body, hull)
-    yield from inertia_too_small(facts, body, hull)
-    yield from swapped_axes(facts, body, hull)
+    first, advice = (
+        [one for judge in _BY_HULL for one in judge(facts, body, hull)]
+        for hull in (body.hull, body.whole_hull)
+    )
+    kinds = {one[1].kind for one in first}
+    advice.sort(key=lambda one: _ORDER.index(one[1].kind))
+    return [one for one in advice if one[1].kind in kinds]
 
 
 def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Advice | None:
@@ -373,49 +356,28 @@ def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iter
         yield facts.advice("density", body.name, message, usual, mass, excess)
 
 
-def inertia_too_large(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
-    """Yield moments that no mass within the shapes has."""
-    mass, center, tensor = body.inertia
-    excess = float(np.trace(tensor)) / 2 / (mass * hull.farthest(center) ** 2)
-    if excess > FAR_RATIO:
-        what = "impossible within its shapes"
-        yield _of_moments(facts, body, hull, "inertia too large", what, excess)
-
-
-def inertia_too_small(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
-    """Yield moments of a body that is concentrated in a point."""
-    mass, center, tensor = body.inertia
-    stated = float(np.trace(tensor)) / 2
-    even = mass * float(np.trace(hull.moments_about(center))) / 2
-    compact = 0.6 * mass * (3 * mass / (4 * np.pi * MAX_DENSITY)) ** (2 / 3)  # in a large cover
-    if stated >= min(even / SMALL_RATIO, compact) or _is_none(stated, even):  # its own kind
-        return
-    what = f"{even / stated:.2g} times less than at uniform density, and less than a ball of any "
-    excess = even / stated / SMALL_RATIO
-    yield _of_moments(facts, body, hull, "inertia too small", f"{what}metal", excess)
-
-
-def _is_none(stated: float, even: float) -> bool:
-    """Return whether moments are zero up to rounding, compared with those at uniform density."""
-    return stated <= NO_INERTIA_SHARE * even
-
-
-def _of_moments(
-    facts: RobotFacts,
-    body: WeldedBody,
-    hull: Hull,
-    kind: PlausibilityKind,
-    what: str,
-    excess: float,
-) -> Advice:
+def implausible_moments(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield moments that no mass within the shapes has, or only one that is nearly a point."""
     mass, center, tensor = body.inertia
     stated, even = moments(tensor), mass * moments(hull.moments_about(center))
+    size, usual = float(stated.sum()) / 2, float(even.sum()) / 2
+    compact = 0.6 * mass * (3 * mass / (4 * np.pi * MAX_DENSITY)) ** (2 / 3)  # in a large cover
+    excess = size / (mass * hull.farthest(center) ** 2)
+    kind: PlausibilityKind = "inertia too large"
+    what = "impossible within its shapes"
+    if excess <= FAR_RATIO:
+        # Moments that are none have their own kind.
+        if not NO_INERTIA_SHARE * usual < size < min(usual / SMALL_RATIO, compact):
+            return
+        kind, excess = "inertia too small", usual / size / SMALL_RATIO
+        what = f"{usual / size:.2g} times less than at uniform density, and less than a ball of any"
+        what += " metal"
     message = (
         f"{body.link} has moments of inertia {vector_text(stated)} kg m^2, {what}; "
         f"expected about {vector_text(even)}. Compute them about its center of mass, or check the "
         "places of its shapes"
     )
-    return facts.advice(kind, body.name, message, even[-1], stated[-1], excess)
+    yield facts.advice(kind, body.name, message, even[-1], stated[-1], excess)
 
 
 def swapped_axes(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
@@ -466,7 +428,7 @@ def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
     for body in facts.bodies:
         mass, hull = body.inertia.mass, body.hull
         even = mass * moments(SMALLEST_BALL if hull is None else hull.tensor)
-        is_none = _is_none(float(np.trace(body.inertia.inertia)), float(even.sum()))
+        is_none = np.trace(body.inertia.inertia) <= NO_INERTIA_SHARE * even.sum()
         if body.joint and body.shapes and is_none:
             shape = "" if hull is None else f"; its shape has about {vector_text(even)} kg m^2"
             message = f"link {quote(body.name)} of {mass:.3g} kg moves and has no moments of "
@@ -480,7 +442,8 @@ def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
 
     Other formats state no pose: their zero only fixes the frames, and knees often exclude it.
     """
-    if facts.has_keyframes or facts.robot.file.suffix != COMPILED:
+    has_keyframes = any(root.find("keyframe/key") for root in facts.roots)
+    if has_keyframes or facts.robot.file.suffix != COMPILED:
         return
     outside = {
         name: joint.limits
@@ -507,8 +470,7 @@ def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
 def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
     """Yield joints whose largest drive force is below the one that holds them as drawn."""
     for name, held in facts.holding.items():
-        effort, line = facts.efforts.get(name, (0.0, None))
-        force = abs(held)
+        effort, force = facts.joint_numbers.get(name, {}).get("effort", 0.0), abs(held)
         if 0 < effort < force:  # without an effort, the joint has no motor
             unit = "N m" if facts.joints[name].kind == "hinge" else "N"
             message = (
@@ -516,9 +478,8 @@ def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
                 f"gravity as drawn takes {force:.3g} {unit}. Check its effort and the masses that "
                 "it carries"
             )
-            yield facts.advice(
-                "weak drive", name, message, force, effort, force / effort, line=line
-            )
+            line, excess = facts.line("joint", name, "limit"), force / effort
+            yield facts.advice("weak drive", name, message, force, effort, excess, line=line)
 
 
 def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
@@ -551,11 +512,20 @@ def repeated_elements(facts: RobotFacts) -> Iterator[Advice]:
 
 def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
     """Yield position drives that oscillate for long or creep, with all other joints held."""
-    for joint, (hertz, ratio, band) in _oscillators(facts).items():
+    values: dict[str, dict[str, float]] = {}
+    for row in () if facts.compiled is None else acting_quantities(facts.compiled):
+        if row.subject.startswith("drive of ") and row.value is not None:
+            joint = row.subject.removeprefix("drive of ")
+            values.setdefault(joint, {})[row.quantity] = row.value
+    for joint, rows in values.items():
+        hertz, ratio = rows.get("natural frequency", 0.0), rows.get("damping ratio")
+        if hertz <= 0 or ratio is None:
+            continue
         lag = ratio / (np.pi * hertz)
         if ratio >= MIN_RATIO and (ratio <= MAX_RATIO or lag <= MAX_LAG_SECONDS):
             continue
-        if ratio < 1 and STOPPED_BANDS * band >= _amplitude(facts, joint):
+        low, high = (joint in facts.joints and facts.joints[joint].limits) or (-0.5, 0.5)
+        if ratio < 1 and STOPPED_BANDS * rows.get("dead band", 0.0) >= (high - low) / 2:
             continue
         slow = f"takes {lag:.2g} s for two thirds of the way to its target"
         what = "oscillates for many periods" if ratio < 1 else slow
@@ -564,31 +534,20 @@ def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
             f" and {what}; 1 is critical. Choose kv and the joint's damping for a ratio near 1"
         )
         excess = MIN_RATIO / max(ratio, 1e-9) if ratio < 1 else ratio / MAX_RATIO
-        line = facts.drive_line(joint)
+        drives = (drive for root in facts.roots for drive in root.findall("actuator/*"))
+        lines = (line_of(drive) for drive in drives if drive.get("joint") == joint)
+        line = next(lines, None) or facts.line("joint", joint)
         yield facts.advice("damping ratio", joint, message, 1.0, ratio, excess, line=line)
 
 
-def _amplitude(facts: RobotFacts, joint: str) -> float:
-    """Return half the range of a joint, or 0.5 without limits, rad or m."""
-    bodies = () if facts.compiled is None else facts.compiled.bodies
-    limits = [one.limits for body in bodies for one in body.joints if one.name == joint]
-    return next(((high - low) / 2 for low, high in filter(None, limits)), 0.5)
-
-
-def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float, float]]:
-    """Return natural frequency, Hz, damping ratio and dead band of position drives, by joint."""
-    values: dict[str, dict[str, float]] = {}
-    for row in () if facts.compiled is None else acting_quantities(facts.compiled):
-        joint = row.subject.removeprefix("drive of ")
-        if joint != row.subject and row.value is not None:
-            values.setdefault(joint, {})[row.quantity] = row.value
-    keys = ("natural frequency", "damping ratio")
-    return {
-        joint: (rows[keys[0]], rows[keys[1]], rows.get("dead band", 0.0))
-        for joint, rows in values.items()
-        if rows.get(keys[0], 0.0) > 0 and keys[1] in rows
-    }
-
+_BY_HULL = (
+    mesh_in_millimetres,
+    center_outside,
+    implausible_density,
+    implausible_moments,
+    swapped_axes,
+)
+"""Functions that compare a body with a hull of its shapes."""
 
 KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     equal_inertias,
@@ -608,10 +567,30 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
 )
 """Functions that yield advice about a file."""
 
+_ORDER: tuple[str, ...] = get_args(PlausibilityKind)
 
-def advise(facts: RobotFacts) -> tuple[AuditFinding, ...]:
-    """Return all advice about a file: by kind, the worst first in each."""
-    order = get_args(PlausibilityKind)
-    advice = [one for judge in KINDS for one in judge(facts)]
-    advice.sort(key=lambda one: (order.index(one[1].kind), -one[0]))
-    return tuple(finding for _, finding in advice)
+_UNREAD = ("unreadable", "without a reader")
+
+
+def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Return advice about a file with a tree, by kind and the worst first, and a note on meshes."""
+    if robot.tree is None or has_stand_ins(robot.file):
+        return ()
+    facts = RobotFacts(robot, robot.tree)
+    with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
+        advice = [one for judge in KINDS for one in judge(facts)]
+    advice.sort(key=lambda one: (_ORDER.index(one[1].kind), -one[0]))
+    return (*(finding for _, finding in advice), *_uncompared(facts))
+
+
+def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
+    """Yield a note if the hull of a body with meshes is unknown."""
+    bodies = [body for body in facts.bodies if body.has_mesh and body.hull is None]
+    if not bodies:
+        return
+    unread = unread_meshes(shape for body in bodies for shape in body.shapes)
+    why = unread_words(unread) or "some have no volume, or axes that some programs turn"
+    collada = any(one.problem in _UNREAD and one.name.endswith(".dae") for one in unread)
+    hint = ". COLLADA files need `pip install 'physics-crosscheck[meshes]'`" if collada else ""
+    message = f"meshes are not compared with masses and inertias: {why}{hint}"
+    yield finding("unresolved", ("meshes",), message, severity="note")

@@ -33,15 +33,13 @@ MIN_PRODUCT, MIRROR_PRODUCTS = 0.03, 0.5
 MIRROR_RANGE, MIRROR_NUMBER = 0.05, 0.05
 """Relative difference of ranges, and of damping, friction, forces and gains."""
 
-_SIDES = (
-    ("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("l", "r"), ("L", "R"),
-    ("lf", "rf"), ("lh", "rh"), ("LF", "RF"), ("LH", "RH"),
-    ("fl", "fr"), ("FL", "FR"), ("hl", "hr"), ("HL", "HR"), ("bl", "br"), ("RL", "RR"),
-    ("BL", "BR"), ("rl", "rr"),
-)  # fmt: skip
-"""Words for both sides in names."""
+_LEFT_WORDS = ("left", "l", "lf", "lh", "fl", "hl", "bl", "rl")
+_RIGHT_WORDS = ("right", "r", "rf", "rh", "fr", "hr", "br", "rr")
+_SIDES = {"Left": "Right", **dict(zip(_LEFT_WORDS, _RIGHT_WORDS, strict=True))}
+_SIDES |= {left.upper(): right.upper() for left, right in _SIDES.items()}
+"""Words for the left side in names, and those for the right side."""
 
-_OTHER_SIDE = dict(_SIDES) | {right: left for left, right in _SIDES}
+_OTHER_SIDE = _SIDES | {right: left for left, right in _SIDES.items()}
 
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^A-Za-z\d]+")
 
@@ -193,7 +191,7 @@ def mirrored_name(name: str) -> str:
     """
     words = _WORDS.findall(name)
     first = next((word for word in words if word in _OTHER_SIDE), "")
-    if first not in dict(_SIDES):
+    if first not in _SIDES:
         return ""
     return "".join(_OTHER_SIDE.get(word, word) for word in words)
 
