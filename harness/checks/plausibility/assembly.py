@@ -180,12 +180,10 @@ def _shapes(facts: RobotFacts) -> Sequence[PlacedShape]:
 def _posed(facts: RobotFacts) -> Iterator[tuple[int, Posed]]:
     """Yield shapes that touch, by their index among `_shapes`."""
     for i, shape in enumerate(_shapes(facts)):
-        hull = (
-            None if shape.visual else solid_hull(shape, facts.place(shape.body or "", facts.poses))
-        )
+        link = shape.body or ""
+        hull = None if shape.visual else solid_hull(shape, facts.place(link, facts.poses))
         if hull is not None:
-            index = facts.tree.frames.get(shape.body or "", (WORLD, IDENTITY))[0]
-            yield i, (shape.body or "", index, hull)
+            yield i, (link, facts.tree.frames.get(link, (WORLD, IDENTITY))[0], hull)
 
 
 def _depth(first: Hull, other: Hull) -> float:

@@ -145,10 +145,9 @@ class RobotFacts:
     def compiled(self) -> CompiledTree | None:
         """The file as an engine compiles it; None for a format that is read directly."""
         engine = compiler(self.robot.file.suffix)
-        try:
+        with suppress(EngineError):
             return None if engine is None else engine.compiled(self.robot.file)
-        except EngineError:
-            return None
+        return None
 
     @cached_property
     def laws(self) -> Laws | None:

@@ -40,19 +40,23 @@ class Hull:
     tensor: Array
 
     @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lowest and highest corner of its bounding box, m, each (3,)."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    @property
     def diagonal(self) -> float:
         """Diagonal of its bounding box, m."""
-        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
+    def is_near(self, other: Hull) -> bool:
+        """Return whether their bounding boxes overlap."""
+        (low, high), (start, end) = self.box, other.box
+        return bool((low <= end).all() and (start <= high).all())
 
     def outside(self, point: Array) -> float:
         """Return the distance of a point from the farthest plane that it is beyond, m."""
         return float(max((self.planes[:, :3] @ point + self.planes[:, 3]).max(), 0.0))
-
-    def is_near(self, other: Hull) -> bool:
-        """Return whether their bounding boxes overlap."""
-        ends = self.points.max(axis=0) - other.points.min(axis=0)
-        starts = other.points.max(axis=0) - self.points.min(axis=0)
-        return bool((ends >= 0).all() and (starts >= 0).all())
 
     def farthest(self, point: Array) -> float:
         """Return the largest distance between a point and the hull, m."""

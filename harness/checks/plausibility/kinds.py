@@ -7,7 +7,7 @@ counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import permutations
+from itertools import chain, islice, permutations
 from typing import get_args
 
 import numpy as np
@@ -147,46 +147,43 @@ def _by_shape(part: LinkPart, body: WeldedBody) -> Array | None:
 def unlike_shapes(facts: RobotFacts) -> Iterator[Advice]:
     """Yield the most certain advice about each body with shapes."""
     for body in facts.bodies:
-        advice: list[Advice | None] = [_unlike_solid(facts, body, part) for part in body.parts]
-        if not any(advice):
-            advice = _by_hulls(facts, body)
-        if not any(advice):
-            advice = [_beyond_robot(facts, part) for part in body.parts]
-        yield from [one for one in advice if one is not None][:1]
+        solids = (one for part in body.parts for one in _unlike_solid(facts, body, part))
+        beyond = (one for part in body.parts for one in _beyond_robot(facts, part))
+        yield from islice(chain(solids, _by_hulls(facts, body), beyond), 1)
 
 
-def _by_hulls(facts: RobotFacts, body: WeldedBody) -> list[Advice | None]:
+def _by_hulls(facts: RobotFacts, body: WeldedBody) -> Iterator[Advice]:
     """Judge a body by the shapes that collide, then by all: these are often more precise."""
     # The hull is unknown if a shape can't be read, and may be larger.
     if body.hull is None or body.whole_hull is None:
-        return []
+        return
     first, advice = (
         [one for judge in _BY_HULL for one in judge(facts, body, hull)]
         for hull in (body.hull, body.whole_hull)
     )
     kinds = {one[1].kind for one in first}
     advice.sort(key=lambda one: _ORDER.index(one[1].kind))
-    return [one for one in advice if one[1].kind in kinds]
+    yield from (one for one in advice if one[1].kind in kinds)
 
 
-def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Advice | None:
-    """Return advice about a link with the moments of its only shape, but not about its axes."""
+def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Iterator[Advice]:
+    """Yield a link with the moments of its only shape, but not about its axes."""
     solids = body.solids(part.name)
     mass, tensor = part.inertia.mass, part.inertia.inertia
     if len(solids) != 1 or mass <= 0:
-        return None
+        return
     axes = solids[0].place.rotation
     even, stated = mass * uniform(solids[0].kind, solids[0].size)[1], axes.T @ tensor @ axes
     here = np.diagonal(stated)
     is_even = np.abs(here - even) <= EXACT * even
     is_turned = np.abs(stated - np.diag(here)).max() > EXACT * even.max()
     if is_even.all() or is_turned or min(here) <= 0:
-        return None
+        return
     worst = int(np.argmax(np.abs(np.log(here / even))))
     is_swapped = bool((np.abs(np.sort(here) - np.sort(even)) <= EXACT * np.sort(even)).all())
     misfit = _misfit(here, even)
     if not (is_swapped or (is_even.sum() == 2 and misfit > ODD_RATIO)):
-        return None
+        return
     what = "those of its shape, but along other axes" if is_swapped else "two of them as its shape"
     message = (
         f"link {quote(part.name)} has the moments of inertia {vector_text(here)} kg m^2 "
@@ -194,14 +191,14 @@ def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Advice
         "rotation of its inertia, and its digits"
     )
     kind: PlausibilityKind = "swapped axes" if is_swapped else "odd moment"
-    return facts.advice(kind, part.name, message, even[worst], here[worst], misfit)
+    yield facts.advice(kind, part.name, message, even[worst], here[worst], misfit)
 
 
-def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Advice | None:
-    """Return advice about a link with a radius of gyration larger than the robot."""
+def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Iterator[Advice]:
+    """Yield a link with a radius of gyration larger than the robot."""
     mass, extent, turned = part.inertia.mass, facts.extent, np.trace(part.inertia.inertia) / 2
     if mass <= 0 or extent < MIN_EXTENT or turned <= mass * (BEYOND * extent) ** 2:
-        return None
+        return
     limit = mass * extent**2
     message = (
         f"link {quote(part.name)} of {mass:.3g} kg has moments of inertia "
@@ -209,7 +206,7 @@ def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Advice | None:
         f"{np.sqrt(turned / mass):.3g} m in a robot of {extent:.3g} m; expected less than "
         f"{limit:.2g}. Check its units"
     )
-    return facts.advice("inertia too large", part.name, message, limit, turned, turned / limit)
+    yield facts.advice("inertia too large", part.name, message, limit, turned, turned / limit)
 
 
 def one_density(facts: RobotFacts) -> Iterator[Advice]:

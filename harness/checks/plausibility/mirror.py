@@ -50,7 +50,8 @@ def mirrored_parts(facts: RobotFacts) -> Iterator[Advice]:
     Of the quantities in `_link_rows` and `_joint_rows`, the first that differs counts.
     """
     plane = _symmetry(facts)
-    for rows, names in ((_link_rows, facts.body_of), (_joint_rows, facts.rest)):
+    joints = [link.name for link in facts.tree.links if link.name in facts.rest]
+    for rows, names in ((_link_rows, [*facts.body_of]), (_joint_rows, joints)):
         for name in names:
             other = mirrored_name(name)
             pairs = rows(facts, plane, name, other) if other in names else ()
