@@ -185,12 +185,8 @@ class RobotFacts:
 
     def poses_at(self, q: Array) -> tuple[Place, ...]:
         """Return the frames of the tree's links in the world, and its own, at coordinates (nq,)."""
-        poses = Recursion(self.tree).poses(q[:, None])
-        links = (
-            Place(np.asarray(one.rotation, float)[..., 0], np.asarray(one.origin, float)[:, 0])
-            for one in poses
-        )
-        return (*links, IDENTITY)
+        poses = Recursion(self.tree).poses(q)
+        return (*(Place(np.asarray(p.rotation), np.asarray(p.origin)) for p in poses), IDENTITY)
 
     @cached_property
     def places(self) -> Mapping[str, Place]:
@@ -205,18 +201,15 @@ class RobotFacts:
     @cached_property
     def holding(self) -> Mapping[str, float]:
         """Forces that hold hinges and slides at rest against gravity and springs, N or N m."""
-        tree = self.tree
-        if not tree.nv:
+        if not self.tree.nv:
             return {}
-        recursion, q = Recursion(tree), self.drawn[:, None]
-        force = np.asarray(recursion.bias(q, np.zeros((tree.nv, 1))), float)[:, 0]
-        force = force - np.asarray(recursion.lift(q), float)[:, 0]
-        return {
-            link.name: float(force[there.start])
-            + link.stiffness * (self.rest[link.name] - link.rest[0])
-            for link, there in zip(tree.links, tree.velocities, strict=True)
-            if link.name in self.rest
-        }
+        recursion, held = Recursion(self.tree), {}
+        force = recursion.bias(self.drawn, np.zeros(self.tree.nv)) - recursion.lift(self.drawn)
+        for link, there in zip(self.tree.links, self.tree.velocities, strict=True):
+            if link.name in self.rest:
+                spring = link.stiffness * (self.rest[link.name] - link.rest[0])
+                held[link.name] = float(force[there.start]) + spring
+        return held
 
     @cached_property
     def extent(self) -> float:
