@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import get_args
 
-from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.finding import PlausibilityKind
 

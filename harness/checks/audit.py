@@ -32,7 +32,7 @@ from .acting import (
 )
 from .compiled_terms import Compiled
 from .findings import finding, format_omission, negative_findings, robot_findings, source_line
-from .plausibility.survey import plausibility_findings
+from .plausibility.kinds import plausibility_findings
 from .poses import check_poses
 from .prepare import PreparedTree
 from .task import SystemTask, TreeTask

@@ -12,7 +12,7 @@ from typing import cast
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.schema import UnknownName, unknown_names
+from physics_crosscheck.harness.documents.schema import unknown_names
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.engines.registry import engines_reading
 from physics_crosscheck.harness.engines.remark import Remark
@@ -99,24 +99,18 @@ _UNREAD = re.compile(
 
 def _unread_findings(robot: Robot) -> Iterator[AuditFinding]:
     """Yield misspelled names, and notes on other names that no engine reads."""
-    unknown: tuple[UnknownName, ...] = ()
+    misspelled = set()
     with suppress(LocationError):  # already reported by the reader of the file
-        unknown = tuple(unknown_names(Document(robot.file).root))
-    for part in unknown:
-        yield finding(
-            "misspelled", (part.element.tag, part.name), part.sentence,
-            location=_file_line(robot.file, part.place),
-            severity="finding" if part.is_lost else "advice",
-        )  # fmt: skip
-    misspelled = {one.place for one in unknown}
+        for names, written, sentence, is_lost in unknown_names(Document(robot.file).root):
+            misspelled.add(written)
+            severity: Severity = "finding" if is_lost else "advice"
+            line = _file_line(robot.file, written)
+            yield finding("misspelled", names, sentence, location=line, severity=severity)
     for omission in robot.left_out:
-        there = omission.place
-        if there is not None and there not in misspelled and _UNREAD.fullmatch(omission.what):
-            message = f"no engine reads {omission.what}"
-            yield finding(
-                "unread", (omission.what,), message, location=_file_line(robot.file, there),
-                severity="note",
-            )  # fmt: skip
+        what, place = omission.what, omission.place
+        if place is not None and place not in misspelled and _UNREAD.fullmatch(what):
+            message, line = f"no engine reads {what}", _file_line(robot.file, place)
+            yield finding("unread", (what,), message, location=line, severity="note")
 
 
 def _file_line(file: Path, place: FilePlace) -> SourceLine:

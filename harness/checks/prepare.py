@@ -68,7 +68,7 @@ from physics_crosscheck.reference.solving.variants import Variants, variants
 from .findings import format_omission, robot_findings, settings_of, sidecar_beside
 from .followers import Followers
 from .law_states import KeptSteps
-from .plausibility.survey import plausibility_findings
+from .plausibility.kinds import plausibility_findings
 from .scene import scene_record
 from .system_record import system_record, tree_record
 from .verdict import component_scale, nonzero_scale

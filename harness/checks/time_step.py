@@ -40,7 +40,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .findings import finding
-from .plausibility.facts import documents_of, element_line
+from .plausibility.facts import element_line, line_of, roots_of
 from .prepare import Prepared, PreparedSystem, PreparedTree, prepare_tree
 from .task import ModelTask, model_task
 from .whole_step import compares_steps
@@ -321,15 +321,15 @@ def growth_words(growth: float) -> str:
 
 def _line_of(file: Path, joint: str, shapes: Sequence[str] = ()) -> SourceLine:
     """Return the line of one of the shapes or links, of a joint's drive, or of the joint."""
-    documents = tuple(documents_of(file))
+    roots = tuple(roots_of(file))
     names = [(tag, one.rpartition(":")[2]) for one in shapes for tag in ("geom", "link")]
-    places = (element_line(documents, tag, name) for tag, name in names)
+    places = (element_line(roots, tag, name) for tag, name in names)
     drives = (
-        SourceLine(file=str(document.path), line=document.line(drive))
-        for document in documents
-        for drive in document.root.findall("actuator/*")
+        line_of(drive)
+        for root in roots
+        for drive in root.findall("actuator/*")
         if drive.get("joint") == joint and drive.tag != "motor"
     )
     name = joint.partition(":")[0]
-    joints = (element_line(documents, tag, name, "dynamics") for tag in ("joint", "freejoint"))
+    joints = (element_line(roots, tag, name, "dynamics") for tag in ("joint", "freejoint"))
     return next(filter(None, (*places, *drives, *joints)), SourceLine(file=str(file)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,68 +18,38 @@ CUTOFF = 0.75
 """Smallest similarity of a name and the one that it probably stands for, as difflib measures it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnknownName:
-    """An element or attribute that the schema does not have at its place.
-
-    Attributes:
-        element: that has this child or attribute.
-        name: a tag, or an attribute with a leading `@`.
-        close: name that it probably stands for, in the same form; empty if none is similar.
-        parent: tags of the child that may have it; empty if it is not just in another place.
-        place: its file and line.
-    """
-
-    element: XmlElement
-    name: str
-    close: str
-    parent: str
-    place: tuple[Path | None, int | None]
-
-    @property
-    def is_lost(self) -> bool:
-        """True for a misspelled name that engines read, so that its number is lost."""
-        return bool(self.close) and self.element.tag not in _UNREAD
-
-    @property
-    def sentence(self) -> str:
-        """The problem and its remedy, such as `did you mean damping?`."""
-        inside = f"<{self.element.tag}>"
-        shown, close = (_written(one) for one in (self.name, self.close))
-        hint = f"it belongs in {self.parent} of {inside}"
-        hint = hint if self.parent else f"did you mean {close}?"
-        return f"{shown} of {inside} is not in the format, so engines ignore it; {hint}"
+Unknown = tuple[tuple[str, str], tuple[Path | None, int | None], str, bool]
+"""A tag and its child or attribute (with `@`) that the schema lacks, its file and line, a sentence
+with the remedy, and whether engines read the name that is misspelled: then its number is lost."""
 
 
-def unknown_names(root: XmlElement) -> Iterator[UnknownName]:
+def unknown_names(root: XmlElement) -> Iterator[Unknown]:
     """Yield misspelled and misplaced names of a URDF or an SDFormat file, by its first element."""
     allowed = _schemas().get(root.tag, {})
     for element in _listed(root, allowed):
         names = allowed[element.tag]
-        present = {f"@{key}" for key in element.attributes}
-        rows = [(f"@{key}", element.attribute_place(key)) for key in element.attributes]
-        rows += [(child.tag, child.place) for child in element]
-        for name, place in rows:
+        places = [(f"@{key}", element.attribute_place(key)) for key in element.attributes]
+        attributes = {name for name, _ in places}
+        for name, place in (*places, *((child.tag, child.place) for child in element)):
             if name in names or ":" in name or name.startswith("@xmlns"):
                 continue
-            options = [one for one in names if (one[0] == "@") == (name[0] == "@")]
-            close = similar(name, [one for one in options if one not in present])
+            options = {one for one in names if (one[0] == "@") == (name[0] == "@")}
+            close = similar(name, options - attributes)
             parent = "" if close else _holder(name, names, allowed)
             if close or parent:
-                yield UnknownName(
-                    element=element, name=name, close=close, parent=parent, place=place
-                )
+                hint = f"did you mean {_written(close)}?" if close else ""
+                hint = hint or f"it belongs in {parent} of <{element.tag}>"
+                sentence = f"{_written(name)} of <{element.tag}> is not in the format, so engines "
+                is_lost = bool(close) and element.tag not in _UNREAD
+                yield (element.tag, name), place, f"{sentence}ignore it; {hint}", is_lost
 
 
 def _holder(name: str, names: Iterable[str], allowed: Mapping[str, frozenset[str]]) -> str:
     """Return a child that may have a name, or a child of a child: `<axis>/<dynamics>`."""
-    direct = {tag: allowed[tag] for tag in sorted(names) if tag in allowed}
-    for tag, inner in direct.items():
-        if name in inner:
-            return f"<{tag}>"
-    deeper = ((tag, one) for tag, inner in direct.items() for one in sorted(inner))
-    held = (f"<{tag}>/<{one}>" for tag, one in deeper if name in allowed.get(one, ()))
-    return next(held, "")
+    direct = [tag for tag in sorted(names) if tag in allowed]
+    paths = [(tag,) for tag in direct] + [(a, b) for a in direct for b in sorted(allowed[a])]
+    held = (path for path in paths if name in allowed.get(path[-1], ()))
+    return "/".join(map(_written, next(held, ())))
 
 
 def similar(name: str, names: Iterable[str]) -> str:

@@ -42,7 +42,7 @@ def headline(results: Results) -> list[str]:
         sentences += _followers(results, sentences)
     else:
         sentences = _of_files(results, issues, len(files))
-    return [f"{one}." for one in sentences]
+    return [one if one.endswith("?") else f"{one}." for one in sentences]
 
 
 def _file(case: Case | Model) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from physics_crosscheck.engine import EngineError
 from physics_crosscheck.harness.checks.case import run_case
-from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.modelfiles.readers import read_robot

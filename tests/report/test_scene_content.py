@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from physics_crosscheck.engine import ModelSpec
-from physics_crosscheck.harness.checks.plausibility.survey import plausibility_findings
+from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.scene import body_lines, errors_record, inertia_records
 from physics_crosscheck.harness.checks.whole_step import check_whole_step

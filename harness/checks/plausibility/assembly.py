@@ -7,14 +7,14 @@ from itertools import combinations
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.results.status import counted, listed
 from physics_crosscheck.reference.mechanism.laws import Anchor, SoftEquality
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Array, Place, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import WORLD
-from .facts import COMPILED, Advice, RobotFacts, solid_hull
+from .facts import COMPILED, Advice, RobotFacts, line_of, solid_hull
 from .hull import Hull
 
 MAX_GAP, MAX_TURN = 0.001, 0.01
@@ -32,30 +32,30 @@ Posed = tuple[str, int, Hull]
 
 def open_loops(facts: RobotFacts) -> Iterator[Advice]:
     """Yield each `connect` and `weld` with a gap as drawn, and the smallest that joints allow."""
-    laws = None if facts.compiled is None else facts.compiled.laws
-    for equality in () if laws is None else laws.equalities:
-        if equality.anchors is None:
-            continue
+    for equality in () if facts.laws is None else facts.laws.equalities:
         gap, turn = _gap(facts, equality, facts.drawn)
         if gap <= MAX_GAP and turn <= MAX_TURN:
             continue
         least, least_turn = _smallest(facts, equality)
-        names = [_body(facts, anchor) or "the world" for anchor in equality.anchors]
+        names = tuple(_body(facts, anchor) or "the world" for anchor in equality.anchors or ())
         kind = "connect" if equality.turn_scale is None else "weld"
-        measure = f"{1e3 * gap:.3g} mm" + (f" and {turn:.3g} rad" if turn > MAX_TURN else "")
-        closed = least <= MAX_GAP and least_turn <= MAX_TURN
-        smallest = f"{1e3 * least:.3g} mm" + (f" and {least_turn:.3g} rad" * (turn > MAX_TURN))
+        is_turned, can_close = turn > MAX_TURN, least <= MAX_GAP and least_turn <= MAX_TURN
+        measure, smallest = (
+            f"{1e3 * far:.3g} mm" + f" and {angle:.3g} rad" * is_turned
+            for far, angle in ((gap, turn), (least, least_turn))
+        )
         within = f"no position of the joints makes it smaller than {smallest}: correct its frames"
-        remedy = "the joints can close it: state a pose that does" if closed else within
-        yield Advice(
-            kind="loop gap",
-            subject=tuple(names),
-            message=f"the {kind} of {quote(names[0])} and {quote(names[1])} has a gap of {measure}"
-            f" as drawn; {remedy}",
+        remedy = "the joints can close it: state a pose that does" if can_close else within
+        message = f"the {kind} of {quote(names[0])} and {quote(names[1])} has a gap of {measure} "
+        expected, actual = (least, gap) if gap > MAX_GAP else (least_turn, turn)
+        yield facts.advice(
+            "loop gap",
+            names,
+            f"{message}as drawn; {remedy}",
+            0.0 if can_close else expected,
+            actual,
+            (1 if can_close else 1000) * max(gap / MAX_GAP, turn / MAX_TURN),
             line=_equality_line(facts, kind, names),
-            expected=0.0 if closed else least if gap > MAX_GAP else least_turn,
-            actual=gap if gap > MAX_GAP else turn,
-            excess=(1 if closed else 1000) * max(gap / MAX_GAP, turn / MAX_TURN),
         )
 
 
@@ -66,15 +66,18 @@ def _body(facts: RobotFacts, anchor: Anchor) -> str:
 
 def _gap(facts: RobotFacts, equality: SoftEquality, q: Array) -> tuple[float, float]:
     """Return the distance of both frames of an equality at a state, m, and their angle, rad."""
-    poses, frames = facts.poses_at(q), []
-    for anchor in equality.anchors or ():
-        index, place = facts.tree.frames.get(_body(facts, anchor), (WORLD, IDENTITY))
-        body = place if index == WORLD else poses[index].compose(place)
-        frame = Place(from_quaternion(np.array(anchor.turn)), np.array(anchor.position))
-        frames.append(body.compose(frame))
-    cosine = (np.trace(frames[0].rotation.T @ frames[1].rotation) - 1) / 2
+    if equality.anchors is None:
+        return 0.0, 0.0
+    poses = facts.poses_at(q)
+    first, second = (
+        facts.place(_body(facts, anchor), poses).compose(
+            Place(from_quaternion(np.array(anchor.turn)), np.array(anchor.position))
+        )
+        for anchor in equality.anchors
+    )
+    cosine = (np.trace(first.rotation.T @ second.rotation) - 1) / 2
     turn = 0.0 if equality.turn_scale is None else float(np.arccos(np.clip(cosine, -1, 1)))
-    return float(np.linalg.norm(frames[0].origin - frames[1].origin)), turn
+    return float(np.linalg.norm(first.origin - second.origin)), turn
 
 
 def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
@@ -96,11 +99,10 @@ def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
 
     random = np.random.default_rng(20260101)
     low, high = np.array(limits).reshape(-1, 2).T
-    starts = [np.clip(facts.drawn[places], low, high)]
-    starts += [random.uniform(low, high) for _ in range(STARTS if single else 0)]
-    ends = [
-        minimize(squared, x, bounds=limits, method="L-BFGS-B").x if single else x for x in starts
-    ]
+    ends = [np.clip(facts.drawn[places], low, high)]
+    if single:
+        ends += [random.uniform(low, high) for _ in range(STARTS)]
+        ends = [minimize(squared, x, bounds=limits, method="L-BFGS-B").x for x in ends]
     q = facts.drawn.copy()
     q[places] = min(ends, key=squared)
     return _gap(facts, equality, q)
@@ -108,25 +110,23 @@ def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
 
 def _equality_line(facts: RobotFacts, kind: str, names: Sequence[str]) -> SourceLine:
     """Return the line of the equality of two bodies."""
-    for document in facts.documents:
-        sites = {site.get("name"): site.parent for site in document.root.iter("site")}
-        for element in document.root.findall(f"equality/{kind}"):
-            bodies = {_named(element, i, sites) or "the world" for i in "12"}
+    for root in facts.roots:
+        sites = {site.get("name"): site.parent for site in root.iter("site")}
+        for element in root.findall(f"equality/{kind}"):
+            bodies = set()
+            for i in "12":
+                body = sites.get(element.get(f"site{i}"))
+                by_site = "" if body is None else body.get("name")
+                bodies.add(element.get(f"body{i}") or by_site or "the world")
             if bodies == set(names):
-                return SourceLine(file=str(document.path), line=document.line(element))
-    return SourceLine(file=str(facts.robot.file), line=None)
-
-
-def _named(element: XmlElement, i: str, sites: dict[str, XmlElement | None]) -> str:
-    body = sites.get(element.get(f"site{i}"))
-    return element.get(f"body{i}") or ("" if body is None else body.get("name"))
+                return line_of(element)
+    return SourceLine(file=str(facts.robot.file))
 
 
 def overlapping_links(facts: RobotFacts) -> Iterator[Advice]:
     """Yield the pairs of links that overlap as drawn, in one finding, the deepest first."""
     depths: dict[tuple[str, str], float] = {}
-    near = ((*pair, _depth(pair[0][2], pair[1][2])) for pair in _near_pairs(facts))
-    for first, other, depth in (*near, *_below_planes(facts)):
+    for first, other, depth in (*_near_pairs(facts), *_below_planes(facts)):
         size = min(first[2].diagonal, other[2].diagonal)
         if depth > max(MIN_DEPTH, DEPTH_SHARE * size):
             pair = first[0] or "the world", other[0] or "the world"
@@ -136,66 +136,54 @@ def overlapping_links(facts: RobotFacts) -> Iterator[Advice]:
     pairs = sorted(depths, key=lambda pair: -depths[pair])
     texts = [f"{one} and {other} by {1e3 * depths[one, other]:.3g} mm" for one, other in pairs]
     worst = next(name for name in pairs[0][::-1] if name != "the world")
-    yield Advice(
-        kind="overlap",
-        subject=tuple(dict.fromkeys(name for pair in pairs for name in pair)),
-        message=f"{counted(len(pairs), 'pair')} of links overlap as drawn, meshes by their hulls: "
+    depth = depths[pairs[0]]
+    message = (
+        f"{counted(len(pairs), 'pair')} of links overlap as drawn, meshes by their hulls: "
         f"{listed(texts, 3)}. "
         "Engines that let them touch push them apart at the start. Draw another pose, make the "
-        "shapes smaller, or exclude the pairs from contacts",
-        line=facts.line("body" if facts.robot.file.suffix == COMPILED else "link", worst),
-        expected=0.0,
-        actual=depths[pairs[0]],
-        excess=depths[pairs[0]] / MIN_DEPTH,
+        "shapes smaller, or exclude the pairs from contacts"
     )
+    names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
+    line = facts.line("body" if facts.robot.file.suffix == COMPILED else "link", worst)
+    yield facts.advice("overlap", names, message, 0.0, depth, depth / MIN_DEPTH, line=line)
 
 
 def _below_planes(facts: RobotFacts) -> Iterator[tuple[Posed, Posed, float]]:
     """Yield shapes below planes of the world, with their depths, m."""
-    laws = None if facts.compiled is None else facts.compiled.laws
-    shapes = [one for one in facts.robot.placed if one.name.startswith("geom:")]
-    for i, plane in enumerate(shapes if laws is not None else ()):
+    for i, plane in enumerate(() if facts.laws is None else _shapes(facts)):
         if plane.kind == "plane" and plane.body is None and not plane.visual:
             for j, shape in _posed(facts):
                 heights = (shape[2].points - plane.place.origin) @ plane.place.rotation[:, 2]
-                if laws is not None and (min(i, j), max(i, j)) in laws.touching:
+                if facts.laws is not None and (min(i, j), max(i, j)) in facts.laws.touching:
                     yield ("", WORLD, shape[2]), shape, -float(heights.min())
 
 
-def _near_pairs(facts: RobotFacts) -> Iterator[tuple[Posed, Posed]]:
-    """Yield pairs of shapes that may touch and whose boxes overlap."""
-    posed = list(_posed(facts))
-    laws = None if facts.compiled is None else facts.compiled.laws
+def _near_pairs(facts: RobotFacts) -> Iterator[tuple[Posed, Posed, float]]:
+    """Yield pairs of shapes that may touch and whose boxes overlap, with their depths, m."""
     parents = [link.parent for link in facts.tree.links]
-    boxes = [(one[2].points.min(axis=0), one[2].points.max(axis=0)) for _, one in posed]
     count = 0
-    for i, j in combinations(range(len(posed)), 2):
-        (first, shape), (second, other) = posed[i], posed[j]
-        if (boxes[i][0] > boxes[j][1]).any() or (boxes[j][0] > boxes[i][1]).any():
-            continue
-        a, b = shape[1], other[1]
-        if a == b or (laws is not None and (first, second) not in laws.touching):
-            continue
+    for (i, shape), (j, other) in combinations(_posed(facts), 2):
+        (_, a, hull), (_, b, near) = shape, other
         is_joined = (a >= 0 and parents[a] == b) or (b >= 0 and parents[b] == a)
-        if laws is None and is_joined:
-            continue
-        count += 1
-        if count <= MAX_PAIRS:
-            yield shape, other
+        may_touch = not is_joined if facts.laws is None else (i, j) in facts.laws.touching
+        if a != b and may_touch and count < MAX_PAIRS and hull.is_near(near):
+            count += 1
+            yield shape, other, _depth(hull, near)
+
+
+def _shapes(facts: RobotFacts) -> Sequence[PlacedShape]:
+    """Return all shapes, in the order of a compiled file."""
+    placed = facts.robot.placed
+    return [one for one in placed if facts.compiled is None or one.name.startswith("geom:")]
 
 
 def _posed(facts: RobotFacts) -> Iterator[tuple[int, Posed]]:
-    """Yield shapes that touch, by their index among those of a compiled file."""
-    shapes = facts.robot.placed
-    if facts.compiled is not None:
-        shapes = tuple(one for one in shapes if one.name.startswith("geom:"))
-    for i, shape in enumerate(shapes):
-        if not shape.visual:
-            place = IDENTITY if shape.body is None else facts.places[shape.body]
-            hull = solid_hull(shape, place)
-            index = facts.tree.frames.get(shape.body or "", (WORLD, IDENTITY))[0]
-            if hull is not None:
-                yield i, (shape.body or "", index, hull)
+    """Yield shapes that touch, by their index among `_shapes`."""
+    for i, shape in enumerate(_shapes(facts)):
+        link = shape.body or ""
+        hull = None if shape.visual else solid_hull(shape, facts.place(link, facts.poses))
+        if hull is not None:
+            yield i, (link, facts.tree.frames.get(link, (WORLD, IDENTITY))[0], hull)
 
 
 def _depth(first: Hull, other: Hull) -> float:

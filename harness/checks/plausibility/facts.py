@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -11,20 +12,19 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.modelfiles.mesh_files import (
-    MeshError,
-    mesh_vertices,
-)
+from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, mesh_vertices
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler, parts_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart, PlacedShape, Robot
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.finding import PlausibilityKind
+from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.bodies import Joint
+from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
+from physics_crosscheck.reference.mechanism.laws import Laws
 from physics_crosscheck.reference.mechanism.rotations import (
     IDENTITY,
     NO_INERTIA,
@@ -32,33 +32,15 @@ from physics_crosscheck.reference.mechanism.rotations import (
     Place,
     SpatialInertia,
 )
-from physics_crosscheck.reference.mechanism.tree import WORLD, Tree, TreeLink
+from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
+from ..findings import finding
 from .hull import SOLIDS, Hull, extreme_points, hull_of, placed_points, scaled, solid_points
 
 COMPILED = ".xml"
 """Suffix of the files in which the world has shapes of its own."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Advice:
-    """An implausible number.
-
-    Attributes:
-        kind: of the finding.
-        subject: names of links or joints.
-        message: the number, what would be expected, and what to do.
-        line: of the file.
-        expected, actual: the numbers; None without one.
-        excess: how far it is from plausible, for the order; 1 is the threshold.
-    """
-
-    kind: PlausibilityKind
-    subject: tuple[str, ...]
-    message: str
-    line: SourceLine
-    expected: float | None = None
-    actual: float | None = None
-    excess: float = 1.0
+Advice = tuple[float, AuditFinding]
+"""How far a number is from plausible, for the order, and its finding; 1 is the threshold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +75,13 @@ class WeldedBody:
     def hull(self) -> Hull | None:
         """Hull of the shapes that collide, or of all without any, in the body's frame."""
         return self._hull([one for one in self.shapes if not one.visual]) or self.whole_hull
+
+    @property
+    def link(self) -> str:
+        """Its heaviest link in words, and how many are welded to it."""
+        others = len(self.parts) - 1
+        welded = f" with {counted(others, 'welded link')}" if others else ""
+        return f"link {quote(self.name)}{welded}"
 
     @cached_property
     def whole_hull(self) -> Hull | None:
@@ -129,29 +118,46 @@ class RobotFacts:
     def bodies(self) -> tuple[WeldedBody, ...]:
         """Bodies that move, and for a file without shapes of the world, the base."""
         first = 0 if self.robot.file.suffix == COMPILED else WORLD
-        bodies = (self._body(i) for i in range(first, len(self.tree.links)))
-        return tuple(body for body in bodies if body is not None and _is_physical(body.inertia))
+        indices = {part.body for part in self.robot.parts if part.body >= first}
+        bodies = (self._body(index) for index in sorted(indices))
+        return tuple(body for body in bodies if _is_physical(body.inertia))
+
+    @cached_property
+    def body_of(self) -> Mapping[str, WeldedBody]:
+        """The body of each link."""
+        return {part.name: body for body in self.bodies for part in body.parts}
+
+    def part(self, link: str) -> LinkPart:
+        """Return a link with a body."""
+        return next(one for one in self.body_of[link].parts if one.name == link)
+
+    @cached_property
+    def links(self) -> tuple[RigidBody, ...]:
+        """Links with their joints, as the file describes them."""
+        return () if self.robot.body_model is None else self.robot.body_model.bodies
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:
         """Joints by name."""
-        model = self.robot.body_model
-        bodies = () if model is None else model.bodies
-        return {joint.name: joint for body in bodies for joint in body.joints}
+        return {joint.name: joint for link in self.links for joint in link.joints}
 
     @cached_property
     def compiled(self) -> CompiledTree | None:
         """The file as an engine compiles it; None for a format that is read directly."""
         engine = compiler(self.robot.file.suffix)
-        try:
+        with suppress(EngineError):
             return None if engine is None else engine.compiled(self.robot.file)
-        except EngineError:
-            return None
+        return None
 
     @cached_property
-    def documents(self) -> tuple[Document, ...]:
-        """The file and its includes, where they are XML."""
-        return tuple(documents_of(self.robot.file))
+    def laws(self) -> Laws | None:
+        """Its limits, friction, equalities, contacts and drives; None if unknown."""
+        return None if self.compiled is None else self.compiled.laws
+
+    @cached_property
+    def roots(self) -> tuple[XmlElement, ...]:
+        """First elements of the file and its includes, where they are XML."""
+        return tuple(roots_of(self.robot.file))
 
     @cached_property
     def rest(self) -> Mapping[str, float]:
@@ -162,9 +168,7 @@ class RobotFacts:
     def drawn(self) -> Array:
         """All coordinates as the file draws them, (nq,)."""
         bodies = () if self.compiled is None else self.compiled.bodies
-        free = {
-            joint.name: body for body in bodies for joint in body.joints if joint.kind == "free"
-        }
+        free = {one.name: body for body in bodies for one in body.joints if one.kind == "free"}
         q = self.tree.zero.copy()
         for link, here in zip(self.tree.links, self.tree.positions, strict=True):
             if link.name in self.rest:
@@ -176,72 +180,63 @@ class RobotFacts:
 
     @cached_property
     def poses(self) -> tuple[Place, ...]:
-        """Frame of each link of the tree in the world as drawn."""
+        """Frames in the world as drawn, as `poses_at` returns them."""
         return self.poses_at(self.drawn)
 
     def poses_at(self, q: Array) -> tuple[Place, ...]:
-        """Return the frame of each link of the tree in the world at coordinates (nq,)."""
-        poses = Recursion(self.tree).poses(q[:, None])
-        return tuple(
-            Place(np.asarray(one.rotation, float)[..., 0], np.asarray(one.origin, float)[:, 0])
-            for one in poses
-        )
+        """Return the frames of the tree's links in the world, and its own, at coordinates (nq,)."""
+        poses = Recursion(self.tree).poses(q)
+        return (*(Place(np.asarray(p.rotation), np.asarray(p.origin)) for p in poses), IDENTITY)
 
     @cached_property
     def places(self) -> Mapping[str, Place]:
         """Frame of each link of the file in the world as drawn."""
-        return {
-            part.name: place if index == WORLD else self.poses[index].compose(place)
-            for part in self.robot.parts
-            for index, place in [self.tree.frames.get(part.name, (WORLD, IDENTITY))]
-        }
+        return {part.name: self.place(part.name, self.poses) for part in self.robot.parts}
+
+    def place(self, link: str, poses: Sequence[Place]) -> Place:
+        """Return the frame of a link of the file in the world, by `poses_at`."""
+        index, place = self.tree.frames.get(link, (WORLD, IDENTITY))
+        return poses[index].compose(place)
 
     @cached_property
     def holding(self) -> Mapping[str, float]:
         """Forces that hold hinges and slides at rest against gravity and springs, N or N m."""
-        tree = self.tree
-        if not tree.nv:
+        if not self.tree.nv:
             return {}
-        recursion, q = Recursion(tree), self.drawn[:, None]
-        force = np.asarray(recursion.bias(q, np.zeros((tree.nv, 1))), float)[:, 0]
-        force = force - np.asarray(recursion.lift(q), float)[:, 0]
-        return {
-            link.name: float(force[there.start]) + _spring(link, self.rest[link.name])
-            for link, there in zip(tree.links, tree.velocities, strict=True)
-            if link.name in self.rest
-        }
+        recursion, held = Recursion(self.tree), {}
+        force = recursion.bias(self.drawn, np.zeros(self.tree.nv)) - recursion.lift(self.drawn)
+        for link, there in zip(self.tree.links, self.tree.velocities, strict=True):
+            if link.name in self.rest:
+                spring = link.stiffness * (self.rest[link.name] - link.rest[0])
+                held[link.name] = float(force[there.start]) + spring
+        return held
 
     @cached_property
     def extent(self) -> float:
         """Diagonal of a box about all links and shapes as drawn, m; 0 if it is unknown."""
         if any(body.has_mesh and body.whole_hull is None for body in self.bodies):
             return 0.0
-        points = [place.origin[None] for place in self.places.values()]
-        for body in self.bodies:
-            if body.whole_hull is not None:
-                first = body.parts[0].name
-                back = self.places[first].rotation @ body.frames[first].rotation.T
-                origin = self.places[first].origin - back @ body.frames[first].origin
-                points.append(placed_points(body.whole_hull.points, Place(back, origin)))
-        span = np.ptp(np.concatenate(points), axis=0) if len(self.places) > 1 else np.zeros(3)
-        return float(np.linalg.norm(span))
+        hulls = ((self.poses[body.parts[0].body], body.whole_hull) for body in self.bodies)
+        points = [placed_points(hull.points, pose) for pose, hull in hulls if hull is not None]
+        points += [place.origin[None] for place in self.places.values()]
+        span = np.ptp(np.concatenate(points), axis=0)
+        return float(np.linalg.norm(span)) if len(self.places) > 1 else 0.0
 
     @cached_property
     def mass_sources(self) -> Mapping[str, str]:
         """Source of the mass of each body of a compiled file: `stated`, `density` or `default`."""
         if self.robot.file.suffix != COMPILED:
             return {}
-        roots = [document.root for document in self.documents]
         defaults = [
-            geom for root in roots for part in root.findall("default") for geom in part.iter("geom")
+            geom
+            for root in self.roots
+            for one in root.findall("default")
+            for geom in one.iter("geom")
         ]
-        is_by_shape = any(
-            one.get("inertiafromgeom") == "true"
-            for root in roots
-            for one in root.findall("compiler")
-        )
+        compilers = (one for root in self.roots for one in root.findall("compiler"))
+        is_by_shape = any(one.get("inertiafromgeom") == "true" for one in compilers)
         sources = {}
-        for body in (one for root in roots for one in root.iter("body")):
+        for body in (one for root in self.roots for one in root.iter("body")):
             geoms = [*body.findall("geom"), *defaults]
             if (body.find("inertial") and not is_by_shape) or any(one.get("mass") for one in geoms):
                 sources[body.get("name")] = "stated"
@@ -252,64 +247,44 @@ class RobotFacts:
 
     def line(self, tag: str, name: str, child: str = "") -> SourceLine:
         """Return the line of a named element, or of its child if it has that one."""
-        return element_line(self.documents, tag, name, child) or SourceLine(
-            file=str(self.robot.file), line=None
-        )
+        return element_line(self.roots, tag, name, child) or SourceLine(file=str(self.robot.file))
 
     def inertial_line(self, link: str) -> SourceLine:
         """Return the line of a link's `<inertial>`, or of the link."""
         tag = "body" if self.robot.file.suffix == COMPILED else "link"
         return self.line(tag, link, "inertial")
 
-    def drive_line(self, joint: str) -> SourceLine:
-        """Return the line of the first drive that names a joint, or of the joint."""
-        for document in self.documents:
-            for drive in document.root.findall("actuator/*"):
-                if drive.get("joint") == joint:
-                    return SourceLine(file=str(document.path), line=document.line(drive))
-        return self.line("joint", joint)
-
-    @cached_property
-    def efforts(self) -> Mapping[str, tuple[float, SourceLine]]:
-        """Largest force of the drive of each joint, N or N m, with its line."""
-        return dict(_efforts(self))
+    def advice(
+        self,
+        kind: PlausibilityKind,
+        subject: str | tuple[str, ...],
+        message: str,
+        expected: float | None = None,
+        actual: float | None = None,
+        excess: float = 1.0,
+        *,
+        line: SourceLine | None = None,
+    ) -> Advice:
+        """Return advice about links or joints, by default at the inertia of the first link."""
+        names = (subject,) if isinstance(subject, str) else subject
+        place = line or self.inertial_line(names[0])
+        return excess, finding(
+            kind, names, message, location=place, expected=expected, actual=actual,
+            severity="advice",
+        )  # fmt: skip
 
     @cached_property
     def joint_numbers(self) -> Mapping[str, Mapping[str, float]]:
         """Damping, friction, efforts, speeds and gains of joints, by joint and quantity."""
         numbers: dict[str, dict[str, float]] = {}
-        for name, joint in self.joints.items():
-            values = {"damping": joint.damping, "stiffness": joint.stiffness}
-            rows = {what: one for what, one in values.items() if isinstance(one, float | int)}
-            numbers[name] = {**rows, "armature": joint.armature}
-            if name in self.efforts:
-                numbers[name]["effort"] = self.efforts[name][0]
-        for document in () if self.robot.file.suffix == COMPILED else self.documents:
-            for element in document.root.iter("joint"):
-                numbers.setdefault(element.get("name"), {}).update(_joint_values(element))
-        return numbers if self.compiled is None else _with_drives(numbers, self.compiled)
+        for joint, what, value in (*_joint_numbers(self), *_drive_numbers(self)):
+            numbers.setdefault(joint, {})[what] = value
+        return numbers
 
-    @cached_property
-    def carried(self) -> Mapping[str, str]:
-        """The link that each joint moves."""
-        model = self.robot.body_model
-        bodies = () if model is None else model.bodies
-        return {joint.name: body.name for body in bodies for joint in body.joints}
-
-    def bodies_of(self, index: int) -> Sequence[LinkPart]:
-        """Return the links of one body of the tree."""
-        return [part for part in self.robot.parts if part.body == index]
-
-    @property
-    def has_keyframes(self) -> bool:
-        """True if the file states poses besides the drawn one."""
-        return any(document.root.find("keyframe/key") for document in self.documents)
-
-    def _body(self, index: int) -> WeldedBody | None:
+    def _body(self, index: int) -> WeldedBody:
         parts = [part for part in self.robot.parts if part.body == index]
-        if not parts:
-            return None
-        frames = {part.name: self._frame(part.name) for part in parts}
+        names = [part.name for part in parts]
+        frames = {name: self.tree.frames.get(name, (WORLD, IDENTITY))[1] for name in names}
         inertia = NO_INERTIA
         for part in parts:
             inertia = inertia.combined(part.inertia.in_frame(frames[part.name]))
@@ -320,9 +295,6 @@ class RobotFacts:
             shapes=tuple(one for one in self.robot.placed if one.body in frames and _is_solid(one)),
             frames=frames,
         )
-
-    def _frame(self, name: str) -> Place:
-        return self.tree.frames.get(name, (WORLD, IDENTITY))[1]
 
 
 def moments(tensor: Array) -> Array:
@@ -346,47 +318,71 @@ def _is_physical(inertia: SpatialInertia) -> bool:
     return bool(np.isfinite(numbers).all()) and inertia.mass > 0
 
 
-def _joint_values(joint: XmlElement) -> Iterator[tuple[str, float]]:
-    """Yield the friction and the largest speed of a joint of a URDF or SDFormat file."""
-    for path in ("dynamics", "limit", "axis/dynamics", "axis/limit"):
-        for part in joint.findall(path):
-            for key in ("friction", "velocity"):
-                for value in finite_numbers(part.get(key) or part.findtext(key)) or ():
-                    yield key, value
+def _joint_numbers(facts: RobotFacts) -> Iterator[tuple[str, str, float]]:
+    """Yield numbers of joints, and those that a URDF or SDFormat file states for them."""
+    for name, joint in facts.joints.items():
+        for what in ("damping", "stiffness", "armature"):
+            value = getattr(joint, what)
+            if isinstance(value, float | int):
+                yield name, what, value
+    # A file that states transmissions states all of them.
+    driven = {one.get("name") for root in facts.roots for one in root.findall("transmission/joint")}
+    for element, part in stated_parts(facts, "dynamics", "limit"):
+        name = element.get("name")
+        for key in ("effort", "friction", "velocity"):
+            value = stated_number(part, key)
+            is_passive = key == "effort" and bool(driven) and name not in driven
+            if value is not None and not is_passive and (value >= 0 or key != "effort"):
+                yield name, key, value
 
 
-def _with_drives(
-    numbers: dict[str, dict[str, float]], compiled: CompiledTree
-) -> Mapping[str, Mapping[str, float]]:
-    """Return numbers of joints with dry friction, and with gains of drives."""
-    for friction in () if compiled.laws is None else compiled.laws.frictions:
+def _drive_numbers(facts: RobotFacts) -> Iterator[tuple[str, str, float]]:
+    """Yield forces, dry friction and gains of the drives of a compiled file's joints.
+
+    Limits of drives that act on one joint are added.
+    """
+    if facts.compiled is None or facts.laws is None:
+        return
+    total: dict[str, float] = {}
+    for law in facts.laws.drives:
+        limit = np.inf if law.force_range is None else max(map(abs, law.force_range))
+        for name, gear in facts.compiled.paths[law.path].joints:
+            total[name] = total.get(name, 0.0) + limit * abs(gear)
+    yield from ((name, "effort", force) for name, force in total.items() if np.isfinite(force))
+    for friction in facts.laws.frictions:
         if friction.joint >= 0:
-            name = compiled.joints[friction.joint]
-            numbers.setdefault(name, {})["dry friction"] = friction.force
-    for drive in compiled.actuators:
+            yield facts.compiled.joints[friction.joint], "dry friction", friction.force
+    for drive in facts.compiled.actuators:
         for what, values in drive.numbers:
             for i, value in enumerate(values):
-                numbers.setdefault(drive.on, {})[f"{what}[{i}] of its drive"] = abs(value)
-    return numbers
+                yield drive.on, f"{what}[{i}] of its drive", abs(value)
 
 
-def _spring(link: TreeLink, position: float) -> float:
-    """Return the force of a joint's linear spring at a position."""
-    return link.stiffness * (position - link.rest[0])
+def stated_parts(facts: RobotFacts, *tags: str) -> Iterator[tuple[XmlElement, XmlElement]]:
+    """Yield joints of a URDF or SDFormat file, each with its first part of a tag."""
+    roots = () if facts.robot.file.suffix == COMPILED else facts.roots
+    for joint in (one for root in roots for one in root.iter("joint")):
+        parts = (joint.find(tag) or joint.find(f"axis/{tag}") for tag in tags)
+        yield from ((joint, part) for part in parts if part is not None)
+
+
+def stated_number(element: XmlElement, key: str) -> float | None:
+    """Return the finite number of an attribute or a child, or None."""
+    values = finite_numbers(element.get(key) or element.findtext(key))
+    return values[0] if values and len(values) == 1 else None
 
 
 def _points(shape: PlacedShape, frame: Place) -> Array | None:
     """Return points of a shape in its body's frame; None if they can't be read."""
     if shape.kind != "mesh":
-        return placed_points(solid_points(shape.kind, shape.size), frame.compose(shape.place))
+        points = solid_points(shape.kind, shape.size)
+        return placed_points(points, frame.compose(shape.place))
     file = locate_file(shape.file, shape.mesh)
-    try:
-        corners = None if file is None else _mesh_corners(file)
-    except MeshError:
-        corners = None
-    if corners is None:
-        return None
-    return placed_points(scaled(corners, shape.scale), frame.compose(shape.place))
+    with suppress(MeshError):
+        if file is not None:
+            points = scaled(_mesh_corners(file), shape.scale)
+            return placed_points(points, frame.compose(shape.place))
+    return None
 
 
 def solid_hull(shape: PlacedShape, frame: Place) -> Hull | None:
@@ -400,62 +396,28 @@ def _mesh_corners(file: Path) -> Array:
     return extreme_points(mesh_vertices(file))
 
 
+def line_of(element: XmlElement) -> SourceLine:
+    """Return the line of an element of a file."""
+    file, line = element.place
+    return SourceLine(file=str(file), line=line)
+
+
 def element_line(
-    documents: Iterable[Document], tag: str, name: str, child: str = ""
+    roots: Iterable[XmlElement], tag: str, name: str, child: str = ""
 ) -> SourceLine | None:
     """Return the line of a named element, or of its child if it has that one; None without it."""
-    for document in documents:
-        for element in document.root.iter(tag):
-            if element.get("name") == name:
-                place = (element.find(child) if child else None) or element
-                return SourceLine(file=str(document.path), line=document.line(place))
+    for element in (one for root in roots for one in root.iter(tag)):
+        if element.get("name") == name:
+            return line_of(element.find(child) or element.find(f"axis/{child}") or element)
     return None
 
 
-def documents_of(file: Path) -> Iterator[Document]:
-    """Yield a file and its includes, where they are XML."""
-    try:
-        paths = parts_of(file) if file.suffix == COMPILED else (file,)
-    except EngineError:
-        return
+def roots_of(file: Path) -> Iterator[XmlElement]:
+    """Yield the first elements of a file and its includes, where they are XML."""
+    paths: tuple[Path, ...] = (file,)
+    if file.suffix == COMPILED:
+        with suppress(EngineError):
+            paths = parts_of(file)
     for path in paths:
-        try:
-            yield Document(path)
-        except LocationError:
-            continue
-
-
-def _efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, SourceLine]]]:
-    if facts.robot.file.suffix == COMPILED:
-        yield from _compiled_efforts(facts)
-        return
-    for document in facts.documents:
-        driven = {one.get("name") for one in document.root.findall("transmission/joint")}
-        for joint in document.root.iter("joint"):
-            if driven and joint.get("name") not in driven:
-                continue  # a file that states transmissions states all: others are passive
-            limit = joint.find("limit") or joint.find("axis/limit")
-            if limit is not None and (effort := _effort(limit)) is not None:
-                line = SourceLine(file=str(document.path), line=document.line(limit))
-                yield joint.get("name"), (effort, line)
-
-
-def _effort(limit: XmlElement) -> float | None:
-    values = finite_numbers(limit.get("effort") or limit.findtext("effort"))
-    return values[0] if values and len(values) == 1 and values[0] >= 0 else None
-
-
-def _compiled_efforts(facts: RobotFacts) -> Iterator[tuple[str, tuple[float, SourceLine]]]:
-    """Yield limits of drives that act on one joint, added over drives of the same joint."""
-    laws = None if facts.compiled is None else facts.compiled.laws
-    if laws is None or facts.compiled is None:
-        return
-    total: dict[str, float] = {}
-    for drive in laws.drives:
-        path = facts.compiled.paths[drive.path]
-        limit = np.inf if drive.force_range is None else max(map(abs, drive.force_range))
-        for name, gear in path.joints:
-            total[name] = total.get(name, 0.0) + limit * abs(gear)
-    for name, effort in total.items():
-        if np.isfinite(effort):
-            yield name, (effort, facts.line("joint", name))
+        with suppress(LocationError):
+            yield Document(path).root

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.sdf.frames import solid
 from physics_crosscheck.reference.mechanism.rotations import Array, Place
 
 SOLIDS = ("box", "sphere", "ellipsoid", "cylinder", "capsule")
@@ -39,9 +40,19 @@ class Hull:
     tensor: Array
 
     @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lowest and highest corner of its bounding box, m, each (3,)."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    @property
     def diagonal(self) -> float:
         """Diagonal of its bounding box, m."""
-        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
+    def is_near(self, other: Hull) -> bool:
+        """Return whether their bounding boxes overlap."""
+        (low, high), (start, end) = self.box, other.box
+        return bool((low <= end).all() and (start <= high).all())
 
     def outside(self, point: Array) -> float:
         """Return the distance of a point from the farthest plane that it is beyond, m."""
@@ -129,20 +140,11 @@ def uniform(kind: str, sizes: Sequence[float]) -> tuple[float, Array]:
 
     Sizes as in `solid_points`.
     """
-    if kind in ("box", "ellipsoid"):
-        squares = np.square(sizes)
-        volume = float(np.prod(sizes)) * (8 if kind == "box" else 4 / 3 * np.pi)
-        return volume, (squares.sum() - squares) / (3 if kind == "box" else 5)
-    radius, half = sizes[0], sizes[1] if len(sizes) > 1 else 0.0
-    if kind == "cylinder":
-        across = radius**2 / 4 + half**2 / 3
-        return float(2 * np.pi * radius**2 * half), np.array([across, across, radius**2 / 2])
-    tube, ball = 2 * np.pi * radius**2 * half, 4 / 3 * np.pi * radius**3
-    volume = tube + ball
-    across = tube * (radius**2 / 4 + half**2 / 3)
-    across += ball * (2 / 5 * radius**2 + half**2 + 3 / 4 * radius * half)
-    along = tube * radius**2 / 2 + ball * 2 / 5 * radius**2
-    return float(volume), np.array([across, across, along]) / volume
+    radius, *half = sizes
+    if kind != "ellipsoid":
+        sizes = [2 * radius if kind == "box" else radius, *(2 * one for one in half)]
+    volume, _, moments = solid(kind, sizes)
+    return volume, np.array(moments)
 
 
 def scaled(points: Array, factors: Sequence[float]) -> Array:

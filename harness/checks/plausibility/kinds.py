@@ -7,35 +7,43 @@ counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import permutations
+from itertools import chain, islice, permutations
 from typing import get_args
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart
+from physics_crosscheck.harness.documents.expanded import has_stand_ins
+from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
+from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart, Robot
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.finding import PlausibilityKind
-from physics_crosscheck.harness.results.status import counted, listed
+from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.results.status import counted, listed, unread_words
 from physics_crosscheck.reference.mechanism.rotations import Array
 from ..acting import acting_quantities
+from ..findings import finding
 from .assembly import open_loops, overlapping_links
-from .facts import COMPILED, Advice, RobotFacts, WeldedBody, moments, vector_text
+from .facts import (
+    COMPILED,
+    Advice,
+    RobotFacts,
+    WeldedBody,
+    line_of,
+    moments,
+    stated_number,
+    stated_parts,
+    vector_text,
+)
 from .hull import Hull, uniform
-from .mirror import mirrored_joints, mirrored_links
+from .mirror import mirrored_parts
 
 NAMED = 3
 """Most links or joints that a message names."""
 
-MIN_EQUAL = 3
-"""Fewest links with one tensor that make a placeholder."""
-
-UNLIKE = 1.5
-"""Ratio of masses or sizes from which links with one tensor differ."""
-
-NEGLIGIBLE_SHARE = 0.02
-"""Share of a body's mass below which the inertia of one of its links does not matter."""
+MIN_EQUAL, UNLIKE, NEGLIGIBLE_SHARE = 3, 1.5, 0.02
+"""Fewest links with one tensor that make a placeholder; ratio of masses or sizes from which these
+differ; share of a body's mass below which the inertia of one of its links does not matter."""
 
 MIN_OUTSIDE, OUTSIDE_SHARE = 0.005, 0.1
 """Smallest distance of a center of mass from the hull, m, and as a share of its diagonal."""
@@ -46,29 +54,22 @@ MAX_DENSITY = 22600.0
 MIN_DENSITY, MIN_SKIN = 3.0, 0.005
 """Density of a hull below that of foam, kg/m^3; mass per area of half a balloon's, kg/m^2."""
 
-MARKER_MASS = 1e-6
-"""Mass of a body that only marks a place, kg."""
+MARKER_MASS, MILLIMETRES = 1e-6, 10.0
+"""Mass of a body that only marks a place, kg; smallest diagonal of a link in millimetres, m."""
 
-MILLIMETRES = 10.0
-"""Smallest diagonal of a link that is drawn in millimetres, m."""
-
-FAR_RATIO = 1.5
-"""Ratio of an inertia to that of all mass at the farthest point, from which it is impossible."""
-
-SMALL_RATIO = 100.0
-"""Ratio of the inertia at uniform density to the stated one from which it is too small."""
+FAR_RATIO, SMALL_RATIO, NO_INERTIA_SHARE = 1.5, 100.0, 1e-9
+"""Ratio of an inertia to that of all mass at the farthest point, from which it is impossible; of
+the inertia at uniform density to one that is too small; and of one that counts as none to it."""
 
 LONG_RATIO, FIT_RATIO, SWAP_RATIO = 4.0, 2.5, 4.0
 """Ratio of a long shape's moments; misfit of swapped axes, and how much better it must be."""
 
-MIN_RATIO, MAX_RATIO = 0.05, 10.0
-"""Damping ratios of drives that oscillate for long, and that may creep."""
+MIN_RATIO, MAX_RATIO, MAX_LAG_SECONDS = 0.05, 10.0, 0.5
+"""Damping ratios of drives that oscillate for long, and that may creep, and the longest time
+constant of one that does not."""
 
 STOPPED_BANDS = 12
 """Dead bands of dry friction in an amplitude that ends within three periods: two a half period."""
-
-MAX_LAG_SECONDS = 0.5
-"""Longest time constant of a drive that does not creep."""
 
 EXACT, ODD_RATIO = 0.01, 1.5
 """Relative difference of moments that are computed from a shape; ratio of one that is not."""
@@ -85,45 +86,39 @@ DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
 
-NO_INERTIA_SHARE = 1e-9
-"""Moments that count as none, relative to those at uniform density."""
-
 SMALLEST_BALL = 4e-7 * np.eye(3)
 """Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
-
-BodyJudge = Callable[[RobotFacts, WeldedBody, Hull], Advice | None]
-"""Judges a body by the hull of its shapes."""
 
 
 def equal_inertias(facts: RobotFacts) -> Iterator[Advice]:
     """Yield groups of unlike links with one tensor."""
-    sizes = {part.name: body for body in facts.bodies for part in body.parts}
     alike: dict[tuple[float, ...], list[LinkPart]] = {}
-    for body in facts.bodies:
-        for part in body.parts:
-            is_heavy = part.inertia.mass > NEGLIGIBLE_SHARE * body.inertia.mass
-            if is_heavy and any(part.link.inertia) and not _fits_shape(part, body):
-                alike.setdefault(part.link.inertia, []).append(part)
+    for link, body in facts.body_of.items():
+        part = facts.part(link)
+        is_heavy = part.inertia.mass > NEGLIGIBLE_SHARE * body.inertia.mass
+        even = _by_shape(part, body)
+        fits = even is not None and _misfit(moments(part.inertia.inertia), even) < FIT_RATIO
+        if is_heavy and any(part.link.inertia) and not fits:
+            alike.setdefault(part.link.inertia, []).append(part)
     for tensor, parts in alike.items():
         need = 2 if _is_round(tensor) else MIN_EQUAL
-        if len(parts) < need or not _differ(parts, sizes):
+        if len(parts) < need or not _differ(facts, parts):
             continue
-        names = [part.name for part in sorted(parts, key=lambda one: one.inertia.mass)]
-        values = " ".join(f"{value:g}" for value in tensor[:3])
-        shapes = (_by_shape(part, sizes[part.name]) for part in parts if part.name == names[0])
-        shape = next(shapes, None)
-        hint = "" if shape is None else f"; by shape {quote(shape[0])} has {shape[1]:.2g}"
-        masses = [part.inertia.mass for part in parts]
-        yield Advice(
-            kind="equal inertias",
-            subject=tuple(names),
-            message=f"{len(names)} unlike links of {min(masses):.3g} to {max(masses):.3g} kg share "
-            f"the moments of inertia {values} kg m^2: {listed(names, NAMED)}{hint}. "
-            "Compute those of each link",
-            line=facts.inertial_line(names[0]),
-            expected=None if shape is None else shape[1],
-            actual=tensor[0],
-            excess=float(len(names)),
+        parts.sort(key=lambda one: one.inertia.mass)
+        names = [part.name for part in parts]
+        even = _by_shape(parts[0], facts.body_of[names[0]])
+        largest = None if even is None else float(even[-1])
+        hint = "" if largest is None else f"; by shape {quote(names[0])} has {largest:.2g}"
+        yield facts.advice(
+            "equal inertias",
+            tuple(names),
+            f"{len(names)} unlike links of {parts[0].inertia.mass:.3g} to "
+            f"{parts[-1].inertia.mass:.3g} kg share the moments of inertia "
+            f"{' '.join(f'{value:g}' for value in tensor[:3])} kg m^2: {listed(names, NAMED)}{hint}"
+            ". Compute those of each link",
+            largest,
+            tensor[0],
+            len(names),
         )
 
 
@@ -133,103 +128,95 @@ def _is_round(tensor: Sequence[float]) -> bool:
     return xx == yy == zz and not any(products) and float(f"{xx:.0e}") == xx
 
 
-def _differ(parts: Sequence[LinkPart], bodies: Mapping[str, WeldedBody]) -> bool:
+def _differ(facts: RobotFacts, parts: Sequence[LinkPart]) -> bool:
     """Return whether the masses or the shapes of links differ."""
     masses = [part.inertia.mass for part in parts]
-    if max(masses) > UNLIKE * min(masses):
-        return True
-    hulls = [body.hull for part in parts if len((body := bodies[part.name]).parts) == 1]
-    sizes = [hull.volume for hull in hulls if hull is not None]
-    return len(sizes) > 1 and max(sizes) > UNLIKE**3 * min(sizes)
+    bodies = [facts.body_of[part.name] for part in parts]
+    hulls = [body.hull for body in bodies if len(body.parts) == 1]
+    sizes = [hull.volume for hull in hulls if hull is not None] or [1.0]
+    return max(masses) > UNLIKE * min(masses) or max(sizes) > UNLIKE**3 * min(sizes)
 
 
-def _fits_shape(part: LinkPart, body: WeldedBody) -> bool:
-    """Return whether the moments of a link are about those at uniform density."""
-    if body.hull is None or len(body.parts) > 1:
-        return False
-    even = part.inertia.mass * moments(body.hull.moments_about(body.inertia.center))
-    return _misfit(moments(part.inertia.inertia), even) < FIT_RATIO
-
-
-def _by_shape(part: LinkPart, body: WeldedBody) -> tuple[str, float] | None:
-    """Return a link's name and its largest moment at uniform density, kg m^2."""
+def _by_shape(part: LinkPart, body: WeldedBody) -> Array | None:
+    """Return a link's principal moments of inertia at uniform density, kg m^2, (3,)."""
     if body.hull is None or len(body.parts) > 1:
         return None
-    largest = moments(body.hull.moments_about(body.inertia.center))[-1]
-    return part.name, float(largest) * part.inertia.mass
+    return part.inertia.mass * moments(body.hull.moments_about(body.inertia.center))
 
 
 def unlike_shapes(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield the first of `BODY_KINDS` that holds for each body with shapes."""
+    """Yield the most certain advice about each body with shapes."""
     for body in facts.bodies:
-        advice: list[Advice | None] = [_unlike_solid(facts, body, part) for part in body.parts]
-        if body.hull is not None and not any(advice):
-            advice = [_judged(judge, facts, body, body.hull) for judge in BODY_KINDS]
-        if not any(advice):
-            advice = [_beyond_robot(facts, part) for part in body.parts]
-        yield from [one for one in advice if one is not None][:1]
+        solids = (one for part in body.parts for one in _unlike_solid(facts, body, part))
+        beyond = (one for part in body.parts for one in _beyond_robot(facts, part))
+        yield from islice(chain(solids, _by_hulls(facts, body), beyond), 1)
 
 
-def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Advice | None:
-    """Return advice about a link with the moments of its only shape, but not about its axes."""
+def _by_hulls(facts: RobotFacts, body: WeldedBody) -> Iterator[Advice]:
+    """Judge a body by the shapes that collide, then by all: these are often more precise."""
+    # The hull is unknown if a shape can't be read, and may be larger.
+    if body.hull is None or body.whole_hull is None:
+        return
+    first, advice = (
+        [one for judge in _BY_HULL for one in judge(facts, body, hull)]
+        for hull in (body.hull, body.whole_hull)
+    )
+    kinds = {one[1].kind for one in first}
+    advice.sort(key=lambda one: _ORDER.index(one[1].kind))
+    yield from (one for one in advice if one[1].kind in kinds)
+
+
+def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Iterator[Advice]:
+    """Yield a link with the moments of its only shape, but not about its axes."""
     solids = body.solids(part.name)
     mass, tensor = part.inertia.mass, part.inertia.inertia
     if len(solids) != 1 or mass <= 0:
-        return None
+        return
     axes = solids[0].place.rotation
     even, stated = mass * uniform(solids[0].kind, solids[0].size)[1], axes.T @ tensor @ axes
     here = np.diagonal(stated)
     is_even = np.abs(here - even) <= EXACT * even
-    if (is_even.all() or np.abs(stated - np.diag(here)).max() > EXACT * even.max()) or min(
-        here
-    ) <= 0:
-        return None
+    is_turned = np.abs(stated - np.diag(here)).max() > EXACT * even.max()
+    if is_even.all() or is_turned or min(here) <= 0:
+        return
     worst = int(np.argmax(np.abs(np.log(here / even))))
     is_swapped = bool((np.abs(np.sort(here) - np.sort(even)) <= EXACT * np.sort(even)).all())
-    if not (is_swapped or (is_even.sum() == 2 and _misfit(here, even) > ODD_RATIO)):
-        return None
+    misfit = _misfit(here, even)
+    if not (is_swapped or (is_even.sum() == 2 and misfit > ODD_RATIO)):
+        return
     what = "those of its shape, but along other axes" if is_swapped else "two of them as its shape"
-    return Advice(
-        kind="swapped axes" if is_swapped else "odd moment",
-        subject=(part.name,),
-        message=f"link {quote(part.name)} has the moments of inertia {vector_text(here)} kg m^2 "
+    message = (
+        f"link {quote(part.name)} has the moments of inertia {vector_text(here)} kg m^2 "
         f"along the axes of its {solids[0].kind}, {what}; expected {vector_text(even)}. Check the "
-        "rotation of its inertia, and its digits",
-        line=facts.inertial_line(part.name),
-        expected=float(even[worst]),
-        actual=float(here[worst]),
-        excess=_misfit(here, even),
+        "rotation of its inertia, and its digits"
     )
+    kind: PlausibilityKind = "swapped axes" if is_swapped else "odd moment"
+    yield facts.advice(kind, part.name, message, even[worst], here[worst], misfit)
 
 
-def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Advice | None:
-    """Return advice about a link with a radius of gyration larger than the robot."""
+def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Iterator[Advice]:
+    """Yield a link with a radius of gyration larger than the robot."""
     mass, extent, turned = part.inertia.mass, facts.extent, np.trace(part.inertia.inertia) / 2
     if mass <= 0 or extent < MIN_EXTENT or turned <= mass * (BEYOND * extent) ** 2:
-        return None
-    radius = float(np.sqrt(turned / mass))
-    return Advice(
-        kind="inertia too large",
-        subject=(part.name,),
-        message=f"link {quote(part.name)} of {mass:.3g} kg has moments of inertia "
-        f"{vector_text(moments(part.inertia.inertia))} kg m^2, a radius of gyration of {radius:.3g}"
-        f" m in a robot of {extent:.3g} m; expected less than {mass * extent**2:.2g}. Check its "
-        "units",
-        line=facts.inertial_line(part.name),
-        expected=mass * extent**2,
-        actual=float(turned),
-        excess=float(turned) / (mass * extent**2),
+        return
+    limit = mass * extent**2
+    message = (
+        f"link {quote(part.name)} of {mass:.3g} kg has moments of inertia "
+        f"{vector_text(moments(part.inertia.inertia))} kg m^2, a radius of gyration of "
+        f"{np.sqrt(turned / mass):.3g} m in a robot of {extent:.3g} m; expected less than "
+        f"{limit:.2g}. Check its units"
     )
+    yield facts.advice("inertia too large", part.name, message, limit, turned, turned / limit)
 
 
 def one_density(facts: RobotFacts) -> Iterator[Advice]:
     """Yield the one density of all links of a robot, if a program for drawings assumes it."""
-    rows: list[tuple[LinkPart, float]] = []
-    for body in facts.bodies:
-        for part in body.parts:
-            volume = sum(uniform(one.kind, one.size)[0] for one in body.solids(part.name))
-            if part.inertia.mass > 0:
-                rows.append((part, volume))
+    rows = [
+        (part, sum(uniform(one.kind, one.size)[0] for one in body.solids(part.name)))
+        for body in facts.bodies
+        for part in body.parts
+        if part.inertia.mass > 0
+    ]
     if len(rows) < 2 or not all(volume for _, volume in rows):
         return
     densities = np.array([part.inertia.mass / volume for part, volume in rows])
@@ -239,15 +226,14 @@ def one_density(facts: RobotFacts) -> Iterator[Advice]:
         if density < MIN_METAL and "stated" not in (facts.mass_sources or {"": "stated"}).values():
             continue  # the default of the format
         part, volume = max(rows, key=lambda row: row[1])
-        yield Advice(
-            kind="one density",
-            subject=tuple(part.name for part, _ in rows),
-            message=f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; as "
+        message = (
+            f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; as "
             f"solid aluminium {quote(part.name)} has {ALUMINIUM * volume:.3g} kg instead of "
-            f"{part.inertia.mass:.3g}. Weigh the links",
-            line=facts.inertial_line(part.name),
-            expected=ALUMINIUM * volume,
-            actual=part.inertia.mass,
+            f"{part.inertia.mass:.3g}. Weigh the links"
+        )
+        names, line = tuple(one.name for one, _ in rows), facts.inertial_line(part.name)
+        yield facts.advice(
+            "one density", names, message, ALUMINIUM * volume, part.inertia.mass, line=line
         )
 
 
@@ -255,21 +241,16 @@ def default_density(facts: RobotFacts) -> Iterator[Advice]:
     """Yield links with a mass by the default density, where most others state theirs."""
     sources, parts = facts.mass_sources, [part for body in facts.bodies for part in body.parts]
     count = sum(sources.get(part.name) == "stated" for part in parts)
-    by_default = [
-        part for part in parts if sources.get(part.name) == "default" and part.inertia.mass
-    ]
-    for part in by_default if count > len(by_default) else ():
-        is_welded = not part.link.joints
-        yield Advice(
-            kind="default density",
-            subject=(part.name,),
-            message=f"link {quote(part.name)} has {part.inertia.mass:.3g} kg by the default density"
+    parts = [one for one in parts if sources.get(one.name) == "default" and one.inertia.mass]
+    for part in parts if count > len(parts) else ():
+        name, mass, line = part.name, part.inertia.mass, facts.line("body", part.name, "geom")
+        message = (
+            f"link {quote(name)} has {mass:.3g} kg by the default density"
             f" of its shapes, while {counted(count, 'link')} state their masses. Write its mass, "
-            'or mass="0" if another link counts it',
-            line=facts.line("body", part.name, "geom"),
-            expected=0.0 if is_welded else None,
-            actual=part.inertia.mass,
+            'or mass="0" if another link counts it'
         )
+        expected = None if part.link.joints else 0.0
+        yield facts.advice("default density", name, message, expected, mass, line=line)
 
 
 def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
@@ -279,48 +260,41 @@ def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
         limits = joint.limits if joint.kind == "hinge" else None
         if limits is None or name in [*small][1:]:
             continue
-        line = facts.line("joint", name, "limit")
         largest = max(map(abs, limits))
         speed = facts.joint_numbers.get(name, {}).get("velocity", 0.0)
         is_round = float(f"{speed:.0e}") == speed and f"{speed:e}".startswith("1")
+        quantity, actual, expected = "range", largest, float(np.radians(largest))
         if TURNS < largest <= MAX_DEGREES:
             low, high = np.radians(limits)
             what = f"limits of {limits[0]:g} and {limits[1]:g} rad, more than two turns: as degrees"
             what += f" they are {low:.3g} and {high:.3g} rad. Write radians"
-            expected, actual, kind = np.radians(largest), largest, "range"
         elif name in small:
+            expected = small[name]
             what = f"a range of {small[name]:g} degrees, {largest:.2g} rad: it is written as "
             what += f"{small[name]:g}, like radians, as in {counted(len(small), 'joint')} of this "
             what += 'file. Write degrees, or angle="radian"'
-            expected, actual, kind = small[name], largest, "range"
         elif FAST < speed <= MAX_DEGREES and not is_round:
+            quantity, actual, expected = "velocity", speed, float(np.radians(speed))
             what = f"a largest speed of {speed:g} rad/s, {speed / 2 / np.pi:.2g} turns a second: as"
-            what += f" degrees it is {np.radians(speed):.3g} rad/s. Write radians"
-            expected, actual, kind = np.radians(speed), speed, "velocity"
+            what += f" degrees it is {expected:.3g} rad/s. Write radians"
         else:
             continue
-        yield Advice(
-            kind="implausible limit",
-            subject=(name, kind),
-            message=f"joint {quote(name)} has {what}",
+        message, line = f"joint {quote(name)} has {what}", facts.line("joint", name, "limit")
+        yield facts.advice(
+            "implausible limit", (name, quantity), message, expected, actual, actual / expected,
             line=line,
-            expected=float(expected),
-            actual=float(actual),
-            excess=float(actual / expected),
-        )
+        )  # fmt: skip
 
 
 def _radians(facts: RobotFacts) -> Iterator[tuple[str, float]]:
     """Yield joints of a file in degrees that states their largest limits like radians."""
-    roots = [document.root for document in facts.documents]
-    compilers = [one for root in roots for one in root.findall("compiler")]
-    if facts.robot.file.suffix != COMPILED or any(
-        one.get("angle") == "radian" for one in compilers
-    ):
+    compilers = (one for root in facts.roots for one in root.findall("compiler"))
+    is_radian = any(one.get("angle") == "radian" for one in compilers)
+    if facts.robot.file.suffix != COMPILED or is_radian:
         return
     ranges = {
         joint.get("name"): max(map(abs, values))
-        for root in roots
+        for root in facts.roots
         for joint in root.iter("joint")
         if joint.get("type", "hinge") == "hinge" and (values := finite_numbers(joint.get("range")))
     }
@@ -330,153 +304,96 @@ def _radians(facts: RobotFacts) -> Iterator[tuple[str, float]]:
         yield from ranges.items()
 
 
-def _judged(judge: BodyJudge, facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Judge a body by the shapes that collide, then by all: these are often more precise."""
-    # The hull is unknown if a shape can't be read, and may be larger.
-    if body.whole_hull is None or judge(facts, body, hull) is None:
-        return None
-    return judge(facts, body, body.whole_hull)
-
-
-def mesh_in_millimetres(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about a mesh whose coordinates are millimetres."""
-    if not body.has_mesh or hull.diagonal < MILLIMETRES:
-        return None
+def mesh_in_millimetres(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield a mesh whose coordinates are millimetres."""
     density = body.inertia.mass / hull.volume
-    if density > MIN_DENSITY / 100:
-        return None
+    if not body.has_mesh or hull.diagonal < MILLIMETRES or density > MIN_DENSITY / 100:
+        return
     mesh = next(shape for shape in body.shapes if shape.kind == "mesh")
     file, line = mesh.size_place or (mesh.file, mesh.line)
-    return Advice(
-        kind="mesh unit",
-        subject=(body.name,),
-        message=f"{_named(body)} of {body.inertia.mass:.3g} kg is {hull.diagonal:.3g} m "
-        f"long, {density:.1g} kg/m^3: its mesh is in millimetres. Scale it by 0.001",
-        line=SourceLine(file=str(file), line=line or None),
-        expected=0.001,
-        actual=1.0,
-        excess=MIN_DENSITY / density,
+    message = (
+        f"{body.link} of {body.inertia.mass:.3g} kg is {hull.diagonal:.3g} m "
+        f"long, {density:.1g} kg/m^3: its mesh is in millimetres. Scale it by 0.001"
     )
+    place = SourceLine(file=str(file), line=line or None)
+    excess = MIN_DENSITY / density
+    yield facts.advice("mesh unit", body.name, message, 0.001, 1.0, excess, line=place)
 
 
-def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about a center of mass outside the shapes."""
+def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield a center of mass outside the shapes."""
     distance = hull.outside(body.inertia.center)
     limit = max(MIN_OUTSIDE, OUTSIDE_SHARE * hull.diagonal)
-    if distance <= limit:
-        return None
-    return Advice(
-        kind="center outside",
-        subject=(body.name,),
-        message=f"the center of mass of {_named(body)} is {1e3 * distance:.3g} mm outside its "
-        f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
-        f"{vector_text(_in_link(body, hull.center))}. Check the origin of its inertia, and the "
-        "places of its shapes",
-        line=facts.inertial_line(body.name),
-        expected=0.0,
-        actual=distance,
-        excess=distance / limit,
-    )
+    if distance > limit:
+        frame = body.frames[body.name]
+        message = (
+            f"the center of mass of {body.link} is {1e3 * distance:.3g} mm outside its "
+            f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
+            f"{vector_text(frame.rotation.T @ (hull.center - frame.origin))}. Check the origin of "
+            "its inertia, and the places of its shapes"
+        )
+        yield facts.advice("center outside", body.name, message, 0.0, distance, distance / limit)
 
 
-def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about a mass that the volume of the shapes excludes."""
-    density = body.inertia.mass / hull.volume
-    is_marker = body.inertia.mass < MARKER_MASS and facts.mass_sources.get(body.name) != "density"
-    heavy, usual = density > MAX_DENSITY, 1000.0 * hull.volume
-    light = density < MIN_DENSITY and body.inertia.mass < MIN_SKIN * hull.area
-    if not (heavy or light) or is_marker:
-        return None
-    what = "more than any metal" if heavy else "less than a balloon"
-    return Advice(
-        kind="density",
-        subject=(body.name,),
-        message=f"{_named(body)} has {body.inertia.mass:.3g} kg in {hull.volume:.2g} m^3, "
-        f"{density:.2g} kg/m^3, which is {what}; as water "
-        f"it has {usual:.2g} kg. Check its mass and the size of its shapes",
-        line=facts.inertial_line(body.name),
-        expected=usual,
-        actual=body.inertia.mass,
-        excess=density / MAX_DENSITY if heavy else MIN_DENSITY / density,
-    )
+def implausible_density(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield a mass that the volume of the shapes excludes."""
+    mass, usual = body.inertia.mass, 1000.0 * hull.volume
+    density = mass / hull.volume
+    is_marker = mass < MARKER_MASS and facts.mass_sources.get(body.name) != "density"
+    is_heavy = density > MAX_DENSITY
+    is_light = density < MIN_DENSITY and mass < MIN_SKIN * hull.area
+    if (is_heavy or is_light) and not is_marker:
+        what = "more than any metal" if is_heavy else "less than a balloon"
+        message = (
+            f"{body.link} has {mass:.3g} kg in {hull.volume:.2g} m^3, "
+            f"{density:.2g} kg/m^3, which is {what}; as water "
+            f"it has {usual:.2g} kg. Check its mass and the size of its shapes"
+        )
+        excess = density / MAX_DENSITY if is_heavy else MIN_DENSITY / density
+        yield facts.advice("density", body.name, message, usual, mass, excess)
 
 
-def inertia_too_large(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about moments that no mass within the shapes has."""
+def implausible_moments(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield moments that no mass within the shapes has, or only one that is nearly a point."""
     mass, center, tensor = body.inertia
-    stated, limit = float(np.trace(tensor)) / 2, mass * hull.farthest(center) ** 2
-    if stated <= FAR_RATIO * limit:
-        return None
+    stated, even = moments(tensor), mass * moments(hull.moments_about(center))
+    size, usual = float(stated.sum()) / 2, float(even.sum()) / 2
+    compact = 0.6 * mass * (3 * mass / (4 * np.pi * MAX_DENSITY)) ** (2 / 3)  # in a large cover
+    excess = size / (mass * hull.farthest(center) ** 2)
+    kind: PlausibilityKind = "inertia too large"
     what = "impossible within its shapes"
-    return _of_moments(facts, body, hull, "inertia too large", what, stated / limit)
-
-
-def inertia_too_small(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about moments of a body that is concentrated in a point."""
-    mass, center, tensor = body.inertia
-    stated = float(np.trace(tensor)) / 2
-    even = mass * float(np.trace(hull.moments_about(center))) / 2
-    if stated * SMALL_RATIO >= even or _is_none(stated, even):  # which has its own kind
-        return None
-    compact = 0.6 * mass * (3 * mass / (4 * np.pi * MAX_DENSITY)) ** (2 / 3)
-    if stated >= compact:  # a dense part in a large cover
-        return None
-    ratio = even / stated
-    what = f"{ratio:.2g} times less than at uniform density, and less than a ball of any metal"
-    return _of_moments(facts, body, hull, "inertia too small", what, ratio / SMALL_RATIO)
-
-
-def _is_none(stated: float, even: float) -> bool:
-    """Return whether moments are zero up to rounding, compared with those at uniform density."""
-    return stated <= NO_INERTIA_SHARE * even
-
-
-def _of_moments(
-    facts: RobotFacts,
-    body: WeldedBody,
-    hull: Hull,
-    kind: PlausibilityKind,
-    what: str,
-    excess: float,
-) -> Advice:
-    mass, center, tensor = body.inertia
-    stated = moments(tensor)
-    even = mass * moments(hull.moments_about(center))
-    return Advice(
-        kind=kind,
-        subject=(body.name,),
-        message=f"{_named(body)} has moments of inertia {vector_text(stated)} kg m^2, {what}; "
+    if excess <= FAR_RATIO:
+        # Moments that are none have their own kind.
+        if not NO_INERTIA_SHARE * usual < size < min(usual / SMALL_RATIO, compact):
+            return
+        kind, excess = "inertia too small", usual / size / SMALL_RATIO
+        what = f"{usual / size:.2g} times less than at uniform density, and less than a ball of any"
+        what += " metal"
+    message = (
+        f"{body.link} has moments of inertia {vector_text(stated)} kg m^2, {what}; "
         f"expected about {vector_text(even)}. Compute them about its center of mass, or check the "
-        "places of its shapes",
-        line=facts.inertial_line(body.name),
-        expected=float(even[-1]),
-        actual=float(stated[-1]),
-        excess=excess,
+        "places of its shapes"
     )
+    yield facts.advice(kind, body.name, message, even[-1], stated[-1], excess)
 
 
-def swapped_axes(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Advice | None:
-    """Return advice about moments that fit the shape along other axes."""
+def swapped_axes(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[Advice]:
+    """Yield moments that fit the shape along other axes."""
     mass, _, tensor = body.inertia
     even, axes = np.linalg.eigh(mass * hull.tensor)
     stated = np.diagonal(axes.T @ tensor @ axes)
     if even[2] < LONG_RATIO * even[0] or min(stated) <= 0:
-        return None
-    misfits = {order: _misfit(stated[list(order)], even) for order in permutations(range(3))}
-    best = min(misfits, key=lambda order: misfits[order])
-    if misfits[best] > FIT_RATIO or misfits[0, 1, 2] < SWAP_RATIO * misfits[best]:
-        return None
-    return Advice(
-        kind="swapped axes",
-        subject=(body.name,),
-        message=f"the moments of inertia of {_named(body)} fit its shape with other axes: "
-        f"along the shape's axes they are {vector_text(stated)} kg m^2, expected about "
-        f"{vector_text(even)}. Check the rotation of its inertia",
-        line=facts.inertial_line(body.name),
-        expected=float(even[0]),
-        actual=float(stated[0]),
-        excess=misfits[0, 1, 2] / misfits[best] / SWAP_RATIO,
-    )
+        return
+    misfit = _misfit(stated, even)
+    best = min(_misfit(stated[list(order)], even) for order in permutations(range(3)))
+    if best <= FIT_RATIO and misfit >= SWAP_RATIO * best:
+        message = (
+            f"the moments of inertia of {body.link} fit its shape with other axes: "
+            f"along the shape's axes they are {vector_text(stated)} kg m^2, expected about "
+            f"{vector_text(even)}. Check the rotation of its inertia"
+        )
+        excess = misfit / best / SWAP_RATIO
+        yield facts.advice("swapped axes", body.name, message, even[0], stated[0], excess)
 
 
 def _misfit(stated: Array, even: Array) -> float:
@@ -504,25 +421,17 @@ def moving_without_inertia(facts: RobotFacts) -> Iterator[Advice]:
         for name in omission.where if omission.what in _HELD else ():
             kind, message = _HELD[omission.what]
             line = facts.line("joint", name)
-            yield Advice(
-                kind=kind, subject=(name,), message=f"joint {quote(name)} {message}", line=line
-            )
+            yield facts.advice(kind, name, f"joint {quote(name)} {message}", line=line)
     for body in facts.bodies:
-        if not (body.joint and body.shapes):
-            continue
-        tensor = SMALLEST_BALL if body.hull is None else body.hull.tensor
-        even = body.inertia.mass * moments(tensor)
-        if _is_none(float(np.trace(body.inertia.inertia)), float(even.sum())):
-            shape = "" if body.hull is None else f"; its shape has about {vector_text(even)} kg m^2"
-            yield Advice(
-                kind="moving without inertia",
-                subject=(body.name,),
-                message=f"link {quote(body.name)} of {body.inertia.mass:.3g} kg moves and has no "
-                f"moments of inertia{shape}. Write them",
-                line=facts.inertial_line(body.name),
-                expected=None if body.hull is None else float(even[-1]),
-                actual=0.0,
-            )
+        mass, hull = body.inertia.mass, body.hull
+        even = mass * moments(SMALLEST_BALL if hull is None else hull.tensor)
+        is_none = np.trace(body.inertia.inertia) <= NO_INERTIA_SHARE * even.sum()
+        if body.joint and body.shapes and is_none:
+            shape = "" if hull is None else f"; its shape has about {vector_text(even)} kg m^2"
+            message = f"link {quote(body.name)} of {mass:.3g} kg moves and has no moments of "
+            message += f"inertia{shape}. Write them"
+            expected = None if hull is None else float(even[-1])
+            yield facts.advice("moving without inertia", body.name, message, expected, 0.0)
 
 
 def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
@@ -530,7 +439,8 @@ def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
 
     Other formats state no pose: their zero only fixes the frames, and knees often exclude it.
     """
-    if facts.has_keyframes or facts.robot.file.suffix != COMPILED:
+    has_keyframes = any(root.find("keyframe/key") for root in facts.roots)
+    if has_keyframes or facts.robot.file.suffix != COMPILED:
         return
     outside = {
         name: joint.limits
@@ -543,164 +453,103 @@ def rest_outside_limits(facts: RobotFacts) -> Iterator[Advice]:
         return
     ranges = [f"{name} [{low:.3g}, {high:.3g}]" for name, (low, high) in outside.items()]
     first, (low, high) = next(iter(outside.items()))
-    rest = facts.rest[first]
-    yield Advice(
-        kind="rest outside limits",
-        subject=tuple(outside),
-        message=f"the pose as drawn is outside the limits of {listed(ranges, NAMED)}: engines that "
-        "start there jump or are pushed. State an initial pose within the limits",
-        line=facts.line("joint", first, "limit"),
-        expected=low if rest < low else high,
-        actual=rest,
-        excess=float(len(outside)),
+    message = (
+        f"the pose as drawn is outside the limits of {listed(ranges, NAMED)}: engines that "
+        "start there jump or are pushed. State an initial pose within the limits"
     )
+    rest, line = facts.rest[first], facts.line("joint", first, "limit")
+    yield facts.advice(
+        "rest outside limits", tuple(outside), message, low if rest < low else high, rest,
+        len(outside), line=line,
+    )  # fmt: skip
 
 
 def weak_drives(facts: RobotFacts) -> Iterator[Advice]:
     """Yield joints whose largest drive force is below the one that holds them as drawn."""
-    weak = {
-        name: (effort, abs(force), line)
-        for name, force in facts.holding.items()
-        if name in facts.efforts
-        for effort, line in [facts.efforts[name]]
-        if 0 < effort < abs(force)  # without an effort, the joint has no motor
-    }
-    for name, (effort, force, line) in weak.items():
-        unit = "N m" if facts.joints[name].kind == "hinge" else "N"
-        yield Advice(
-            kind="weak drive",
-            subject=(name,),
-            message=f"the drive of joint {quote(name)} exerts at most {effort:.3g} {unit}, but "
-            f"gravity as drawn takes {force:.3g} {unit}. Check its effort and the masses that it "
-            "carries",
-            line=line,
-            expected=force,
-            actual=effort,
-            excess=force / effort,
-        )
+    for name, held in facts.holding.items():
+        effort, force = facts.joint_numbers.get(name, {}).get("effort", 0.0), abs(held)
+        if 0 < effort < force:  # without an effort, the joint has no motor
+            unit = "N m" if facts.joints[name].kind == "hinge" else "N"
+            message = (
+                f"the drive of joint {quote(name)} exerts at most {effort:.3g} {unit}, but "
+                f"gravity as drawn takes {force:.3g} {unit}. Check its effort and the masses that "
+                "it carries"
+            )
+            line, excess = facts.line("joint", name, "limit"), force / effort
+            yield facts.advice("weak drive", name, message, force, effort, excess, line=line)
 
 
 def negative_limits(facts: RobotFacts) -> Iterator[Advice]:
     """Yield efforts and velocities of a URDF's joints below zero, and ranges without a position."""
-    for document in () if facts.robot.file.suffix == COMPILED else facts.documents:
-        for joint in document.root.iter("joint"):
-            limit = joint.find("limit") or joint.find("axis/limit") or joint
-            name, line = joint.get("name"), document.line(limit)
-            stated = {
-                key: values[0]
-                for key in ("effort", "velocity", "lower", "upper")
-                if (values := finite_numbers(limit.get(key) or limit.findtext(key)))
-            }
-            low, high = stated.pop("lower", 0.0), stated.pop("upper", 0.0)
-            place = SourceLine(file=str(document.path), line=line)
-            if low > high and joint.get("type") in ("revolute", "prismatic"):
-                yield Advice(
-                    kind="implausible limit",
-                    subject=(name, "range"),
-                    message=f"the lower limit of joint {quote(name)} is {low:g}, above the upper "
-                    f"one, {high:g}: engines ignore the range, or refuse the file. "
-                    "Exchange them, or remove both",
-                    line=place,
-                    expected=high,
-                    actual=low,
-                )
-            for key, value in stated.items() if joint.parent is document.root else ():
-                if value < 0:
-                    yield Advice(
-                        kind="negative limit",
-                        subject=(name, key),
-                        message=f"the {key} of joint {quote(name)} is {value:g}: engines "
-                        "refuse the file, or ignore the limit. Write a positive number",
-                        line=place,
-                        actual=value,
-                    )
+    for joint, limit in stated_parts(facts, "limit"):
+        name, line = joint.get("name"), line_of(limit)
+        low, high = stated_number(limit, "lower") or 0.0, stated_number(limit, "upper") or 0.0
+        if low > high and joint.get("type") in ("revolute", "prismatic"):
+            message = (
+                f"the lower limit of joint {quote(name)} is {low:g}, above the upper "
+                f"one, {high:g}: engines ignore the range, or refuse the file. "
+                "Exchange them, or remove both"
+            )
+            yield facts.advice("implausible limit", (name, "range"), message, high, low, line=line)
+        for key in ("effort", "velocity") if joint.parent in facts.roots else ():
+            value = stated_number(limit, key) or 0.0
+            if value < 0:
+                message = f"the {key} of joint {quote(name)} is {value:g}: engines "
+                message += "refuse the file, or ignore the limit. Write a positive number"
+                yield facts.advice("negative limit", (name, key), message, None, value, line=line)
 
 
 def repeated_elements(facts: RobotFacts) -> Iterator[Advice]:
     """Yield elements without effect, since engines that load the file take the one before."""
     for element in facts.robot.repeated:
-        yield Advice(
-            kind="repeated element",
-            subject=(element.sentence,),
-            message=f"{element.sentence}: engines take the first, or refuse the file. "
-            "Keep one of them",
-            line=SourceLine(file=str(element.file), line=element.line),
-        )
-
-
-def _named(body: WeldedBody) -> str:
-    """Return the name of a body's heaviest link, and how many links are welded to it."""
-    others = len(body.parts) - 1
-    welded = f" with {counted(others, 'welded link')}" if others else ""
-    return f"link {quote(body.name)}{welded}"
-
-
-def _in_link(body: WeldedBody, point: Array) -> Array:
-    """Return a point of the body's frame in the frame of its heaviest link."""
-    frame = body.frames[body.name]
-    moved: Array = frame.rotation.T @ (point - frame.origin)
-    return moved
+        what = f"{element.sentence}: engines take the first, or refuse the file. Keep one of them"
+        line = SourceLine(file=str(element.file), line=element.line)
+        yield facts.advice("repeated element", element.sentence, what, line=line)
 
 
 def damping_ratios(facts: RobotFacts) -> Iterator[Advice]:
     """Yield position drives that oscillate for long or creep, with all other joints held."""
-    for joint, (hertz, ratio, band) in _oscillators(facts).items():
+    values: dict[str, dict[str, float]] = {}
+    for row in () if facts.compiled is None else acting_quantities(facts.compiled):
+        if row.subject.startswith("drive of ") and row.value is not None:
+            joint = row.subject.removeprefix("drive of ")
+            values.setdefault(joint, {})[row.quantity] = row.value
+    for joint, rows in values.items():
+        hertz, ratio = rows.get("natural frequency", 0.0), rows.get("damping ratio")
+        if hertz <= 0 or ratio is None:
+            continue
         lag = ratio / (np.pi * hertz)
         if ratio >= MIN_RATIO and (ratio <= MAX_RATIO or lag <= MAX_LAG_SECONDS):
             continue
-        if ratio < 1 and STOPPED_BANDS * band >= _amplitude(facts, joint):
+        low, high = (joint in facts.joints and facts.joints[joint].limits) or (-0.5, 0.5)
+        if ratio < 1 and STOPPED_BANDS * rows.get("dead band", 0.0) >= (high - low) / 2:
             continue
         slow = f"takes {lag:.2g} s for two thirds of the way to its target"
         what = "oscillates for many periods" if ratio < 1 else slow
-        yield Advice(
-            kind="damping ratio",
-            subject=(joint,),
-            message=f"the position drive of joint {quote(joint)} has the damping ratio {ratio:.2g}"
-            f" and {what}; 1 is critical. Choose kv and the joint's damping for a ratio near 1",
-            line=facts.drive_line(joint),
-            expected=1.0,
-            actual=ratio,
-            excess=MIN_RATIO / max(ratio, 1e-9) if ratio < 1 else ratio / MAX_RATIO,
+        message = (
+            f"the position drive of joint {quote(joint)} has the damping ratio {ratio:.2g}"
+            f" and {what}; 1 is critical. Choose kv and the joint's damping for a ratio near 1"
         )
+        excess = MIN_RATIO / max(ratio, 1e-9) if ratio < 1 else ratio / MAX_RATIO
+        drives = (drive for root in facts.roots for drive in root.findall("actuator/*"))
+        lines = (line_of(drive) for drive in drives if drive.get("joint") == joint)
+        line = next(lines, None) or facts.line("joint", joint)
+        yield facts.advice("damping ratio", joint, message, 1.0, ratio, excess, line=line)
 
 
-def _amplitude(facts: RobotFacts, joint: str) -> float:
-    """Return half the range of a joint, or 0.5 without limits, rad or m."""
-    bodies = () if facts.compiled is None else facts.compiled.bodies
-    limits = [one.limits for body in bodies for one in body.joints if one.name == joint]
-    return next(((high - low) / 2 for low, high in filter(None, limits)), 0.5)
-
-
-def _oscillators(facts: RobotFacts) -> Mapping[str, tuple[float, float, float]]:
-    """Return natural frequency, Hz, damping ratio and dead band of position drives, by joint."""
-    values: dict[str, dict[str, float]] = {}
-    for row in () if facts.compiled is None else acting_quantities(facts.compiled):
-        joint = row.subject.removeprefix("drive of ")
-        if joint != row.subject and row.value is not None:
-            values.setdefault(joint, {})[row.quantity] = row.value
-    keys = ("natural frequency", "damping ratio")
-    return {
-        joint: (rows[keys[0]], rows[keys[1]], rows.get("dead band", 0.0))
-        for joint, rows in values.items()
-        if rows.get(keys[0], 0.0) > 0 and keys[1] in rows
-    }
-
-
-BODY_KINDS: tuple[BodyJudge, ...] = (
+_BY_HULL = (
     mesh_in_millimetres,
-    inertia_too_large,
     center_outside,
     implausible_density,
-    inertia_too_small,
+    implausible_moments,
     swapped_axes,
 )
-"""Functions that compare a body with its shapes, most certain first."""
+"""Functions that compare a body with a hull of its shapes."""
 
 KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     equal_inertias,
     unlike_shapes,
-    mirrored_links,
-    mirrored_joints,
+    mirrored_parts,
     moving_without_inertia,
     rest_outside_limits,
     one_density,
@@ -715,11 +564,30 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
 )
 """Functions that yield advice about a file."""
 
+_ORDER: tuple[str, ...] = get_args(PlausibilityKind)
 
-def advise(facts: RobotFacts) -> tuple[Advice, ...]:
-    """Return all advice about a file: by kind, the worst first in each."""
-    advice = [one for judge in KINDS for one in judge(facts)]
-    return tuple(sorted(advice, key=lambda one: (_ORDER.index(one.kind), -one.excess)))
+_UNREAD = ("unreadable", "without a reader")
 
 
-_ORDER: tuple[PlausibilityKind, ...] = get_args(PlausibilityKind)
+def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Return advice about a file with a tree, by kind and the worst first, and a note on meshes."""
+    if robot.tree is None or has_stand_ins(robot.file):
+        return ()
+    facts = RobotFacts(robot, robot.tree)
+    with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
+        advice = [one for judge in KINDS for one in judge(facts)]
+    advice.sort(key=lambda one: (_ORDER.index(one[1].kind), -one[0]))
+    return (*(finding for _, finding in advice), *_uncompared(facts))
+
+
+def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
+    """Yield a note if the hull of a body with meshes is unknown."""
+    bodies = [body for body in facts.bodies if body.has_mesh and body.hull is None]
+    if not bodies:
+        return
+    unread = unread_meshes(shape for body in bodies for shape in body.shapes)
+    why = unread_words(unread) or "some have no volume, or axes that some programs turn"
+    collada = any(one.problem in _UNREAD and one.name.endswith(".dae") for one in unread)
+    hint = ". COLLADA files need `pip install 'physics-crosscheck[meshes]'`" if collada else ""
+    message = f"meshes are not compared with masses and inertias: {why}{hint}"
+    yield finding("unresolved", ("meshes",), message, severity="note")
