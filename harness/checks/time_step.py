@@ -31,7 +31,7 @@ from physics_crosscheck.harness.numerics.step_study import TARGETS
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.case import StepChoice, TargetStep, TimeStep
 from physics_crosscheck.harness.records.outcome import FLOOR
-from physics_crosscheck.harness.results.status import duration
+from physics_crosscheck.harness.results.status import NOT_FOLLOWED, duration
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
@@ -128,7 +128,8 @@ class GrowingMode(NamedTuple):
 class SmoothError(NamedTuple):
     """The error of a step, and of a shorter one, both relative to the amplitude.
 
-    The first is inf if the motion blows up, and the second if no order is seen.
+    The first is inf if the motion blows up, and the second if no order is seen. The order is 0 if
+    the shortest runs differ clearly too.
     """
 
     error: float
@@ -281,11 +282,12 @@ class StudiedModel:
             if apart[-1] < SMALL**2 or (falls and apart[-1] < SMALL / 2):
                 break
         first, last = (1 - 2.0 ** (-order * k) for k in (1, len(apart)))
+        trusted = falls or apart[-1] < SMALL**2
         return SmoothError(
             _apart(runs[0], runs[-1]) / last / factor**order,
-            order,
+            order if trusted or apart[-1] < SMALL else 0,
             coarse / 2 ** (len(apart) - 1),
-            apart[-1] / first if falls or apart[-1] < SMALL**2 else math.inf,
+            apart[-1] / first if trusted else math.inf,
         )
 
     def step_for(
@@ -293,13 +295,7 @@ class StudiedModel:
     ) -> float | None:
         """Return the step for an error of the smooth motion, s; None if unknown.
 
-        A step above the one with a known error is run, and must be stable.
-
-        Args:
-            error: that of steps of h.
-            target: relative to the amplitude.
-            h: the step.
-            limit: largest step to return, s.
+        A step above h, which has a known error, is run, and must be stable and within the limit.
         """
         longer = error.step_for(target)
         if longer is None or longer <= h:
@@ -394,9 +390,12 @@ def choose_step(
     unstable = "" if study is None or study.finding is None else study.finding.message
     if study is not None and study.largest_stable is not None:
         stable = study.largest_stable
+    is_stable = not unstable and (stable is None or stable >= h)
+    is_chaotic = is_stable and not error.order and math.isfinite(error.error)
     return structs.replace(
         choice,
-        error=None if unstable or (stable is not None and stable < h) else number(error.error),
+        error=number(error.error) if is_stable and not is_chaotic else None,
+        problem=NOT_FOLLOWED if is_chaotic else "",
         largest_stable=number(stable),
         step_for=number(wanted if wanted is None or stable is None else min(wanted, stable)),
         unstable=unstable,
@@ -511,17 +510,12 @@ def _largest_stable(stable: Callable[[float], bool], h: float) -> float | None:
 
     None if all steps up to `LARGEST_STEP` are stable, or none is.
     """
-    low, high = h, h
-    if stable(h):
-        while high <= LARGEST_STEP and stable(high):
-            low, high = high, 2 * high
-        if high > LARGEST_STEP:
+    is_stable, near, far = stable(h), h, h
+    while stable(far) == is_stable:
+        near, far = far, 2 * far if is_stable else far / 2
+        if far > LARGEST_STEP if is_stable else far < SMALLEST_STEP:
             return None
-    else:
-        while not stable(low):
-            low, high = low / 2, low
-            if low < SMALLEST_STEP:
-                return None
+    low, high = sorted((near, far))
     while high > (1 + DIGITS / 2) * low:
         middle = math.sqrt(low * high)
         low, high = (middle, high) if stable(middle) else (low, middle)

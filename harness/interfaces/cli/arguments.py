@@ -246,15 +246,11 @@ def code_prefixes(text: str) -> tuple[str, ...]:
     given = tuple(filter(None, re.split(r"[,\s]+", text.upper())))
     for prefix in given:
         matching = [code for code in codes() if code.startswith(prefix)]
-        if not matching:
-            raise argparse.ArgumentTypeError(
-                f"no code begins with {prefix}; see crosscheck explain"
-            )
+        groups = ", ".join(f"{one}xx" for one in IGNORABLE)
+        why = f"{prefix} cannot be ignored, since nothing is tested there; only {groups} can"
         if not any(code.startswith(IGNORABLE) for code in matching):
-            raise argparse.ArgumentTypeError(
-                f"{prefix} cannot be ignored, since nothing is tested there; only"
-                f" {', '.join(f'{one}xx' for one in IGNORABLE)} can"
-            )
+            none = f"no code begins with {prefix}; see crosscheck explain"
+            raise argparse.ArgumentTypeError(why if matching else none)
     return given
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import arguments
 from .help import suggestion
@@ -34,15 +34,8 @@ class SettingsError(ValueError):
     """An invalid setting; the message names the file, the line, the setting and the remedy."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Setting:
-    """One setting.
-
-    Attributes:
-        argument: argparse's name of the argument whose default it sets.
-        kind: type of its value, as the documentation names it.
-        read: converts its value.
-    """
+class Setting(NamedTuple):
+    """The argument of argparse that a setting sets, the type of its value, and its reader."""
 
     argument: str
     kind: str
@@ -51,13 +44,7 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class _SettingsFile:
-    """A file with settings.
-
-    Attributes:
-        path: from the working folder.
-        text: its content.
-        table: its settings.
-    """
+    """A file with settings: its path from the working folder, its text and its table."""
 
     path: Path
     text: str
@@ -246,21 +233,19 @@ def _switch(value: object, _: Path) -> bool:
 
 SETTINGS: Mapping[str, Setting] = MappingProxyType(
     {
-        "folders": Setting(argument="folders", kind="list of paths or names", read=_folders),
-        "engines": Setting(argument="engines", kind="list of names", read=_names),
-        "resolution": Setting(
-            argument="resolution", kind="number", read=_of_text(arguments.resolution)
-        ),
-        "limit": Setting(argument="limit", kind="number", read=_of_text(arguments.seconds)),
-        "memory": Setting(argument="memory", kind="number", read=_of_text(arguments.memory)),
-        "jobs": Setting(argument="jobs", kind="whole number", read=_of_text(arguments.positive)),
-        "cache": Setting(argument="cache", kind="path", read=_path),
-        "baseline": Setting(argument="baseline", kind="path", read=_path),
-        "out": Setting(argument="out", kind="path", read=_path),
-        "strict": Setting(argument="strict", kind="boolean", read=_switch),
-        "select": Setting(argument="select", kind="list of codes", read=_codes),
-        "ignore": Setting(argument="ignore", kind="list of codes", read=_codes),
-        "require-engines": Setting(argument="require_engines", kind="boolean", read=_switch),
+        "folders": Setting("folders", "list of paths or names", _folders),
+        "engines": Setting("engines", "list of names", _names),
+        "resolution": Setting("resolution", "number", _of_text(arguments.resolution)),
+        "limit": Setting("limit", "number", _of_text(arguments.seconds)),
+        "memory": Setting("memory", "number", _of_text(arguments.memory)),
+        "jobs": Setting("jobs", "whole number", _of_text(arguments.positive)),
+        "cache": Setting("cache", "path", _path),
+        "baseline": Setting("baseline", "path", _path),
+        "out": Setting("out", "path", _path),
+        "strict": Setting("strict", "boolean", _switch),
+        "select": Setting("select", "list of codes", _codes),
+        "ignore": Setting("ignore", "list of codes", _codes),
+        "require-engines": Setting("require_engines", "boolean", _switch),
     }
 )
 """All settings, by their names in the file. The table of commands names those of each."""

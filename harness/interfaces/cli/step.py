@@ -21,8 +21,6 @@ from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
 from .targets import resolve_targets, warn_unknown, with_unknown
 
-GAP = "  "
-
 
 def main(options: argparse.Namespace) -> int:
     """Print a table of time steps for each robot file, by engine."""
@@ -34,12 +32,11 @@ def main(options: argparse.Namespace) -> int:
             f"{targets.folders[0]} is a system folder, and steps are chosen for robot files; "
             "`crosscheck run FOLDER --details` prints the steps of its motions"
         )
-    choices = []
+    choices = list[StepChoice]()
     with Workers(1, arguments.limits_of(options)) as workers:
         for file in targets.paths:
             names = options.engines or [one.name for one in engines_to_run(file.suffix)]
-            for name in names:
-                choices.append(_choice(workers, file, name, options))
+            choices += [_choice(workers, file, name, options) for name in names]
     if options.format == "json":
         print(encoded(StepChoices(rows=tuple(choices)), indent=1))
     else:
@@ -55,13 +52,8 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
     """Return the steps in one engine, in a worker, or why it has no numbers."""
     problem = missing(engines()[name]) if engines()[name].version() is None else ""
     if not problem:
-        task = partial(
-            choose_step,
-            engine=name,
-            target=options.error,
-            floating=options.floating,
-            model=options.model,
-        )
+        reading = {"floating": options.floating, "model": options.model}
+        task = partial(choose_step, engine=name, target=options.error, **reading)
         outcome = workers.outcome(workers.submit(task, file))
         if not isinstance(outcome, Failure):
             return outcome
@@ -71,25 +63,23 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
 
 def _print_table(file: Path, choices: list[StepChoice], target: float) -> None:
     """Print a row per engine with numbers, then what is wrong, within 80 columns."""
-    head = ("engine", "dt", "error at dt", "largest stable dt", f"dt for {100 * target:g} %")
-    rows = [_cells(one) for one in choices if one.step is not None]
+    rows = [("engine", "dt", "error at dt", "largest stable dt", f"dt for {100 * target:g} %")]
+    for one in choices:
+        error = "unknown" if one.problem else "unstable"
+        if one.step is not None:
+            rows.append((
+                one.engine,
+                duration(one.step),
+                error if one.error is None else percent(one.error),
+                "above 0.1 s" if one.largest_stable is None else duration(one.largest_stable),
+                "unknown" if one.step_for is None else duration(one.step_for),
+            ))  # fmt: skip
     print(f"{shown_path(str(file))}  smooth motion from rest, 1 s")
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    for row in (head, *rows) if rows else ():
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows if len(rows) > 1 else ():
         cells = (row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:]))
-        print(GAP + GAP.join(cells).rstrip())
-    for choice in choices:
-        for text in filter(None, (choice.unstable, choice.problem)):
-            print("\n".join(wrapped(f"  {choice.engine}: {text}", terminal().width)))
+        print(f"  {'  '.join(cells)}".rstrip())
+    for one in choices:
+        for text in filter(None, (one.unstable, one.problem)):
+            print("\n".join(wrapped(f"  {one.engine}: {text}", terminal().width)))
     sys.stdout.flush()
-
-
-def _cells(choice: StepChoice) -> tuple[str, ...]:
-    stable = choice.largest_stable
-    return (
-        choice.engine,
-        duration(choice.step or 0.0),
-        "unstable" if choice.error is None else percent(choice.error),
-        "above 0.1 s" if stable is None else duration(stable),
-        "unknown" if choice.step_for is None else duration(choice.step_for),
-    )

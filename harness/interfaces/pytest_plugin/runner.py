@@ -159,12 +159,10 @@ class CaseRunner:
 
     def _filtered(self, case: Case, target: Path, model: Sidecar | Path) -> Case:
         """Return a case, marked as accepted if the project ignores its codes."""
-        codes, record = self._codes, None
+        codes, diagnosis = self._codes, None
         if case.outcome is Outcome.DIFFERS and (codes.select or codes.ignore):
-            names = {name: getattr(case, name) for name in ("system", "model", "engine", "folder")}
             diagnosis = self.diagnosis(target, model, case.engine)
-            record = Model(**names, text="", sidecar="", diagnosis=diagnosis)
-        return codes.case(case, record)
+        return codes.case(case, diagnosis)
 
     def _options(self, target: Path) -> dict[str, Any]:
         """Return the options with which a robot file was accepted; empty for a folder."""
