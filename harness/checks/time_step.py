@@ -523,7 +523,6 @@ def _largest_stable(stable: Callable[[float], bool], h: float) -> float | None:
 
 
 def _rounded_down(value: float) -> float:
-    """Return a positive number rounded down to two digits."""
     digits = 1 - math.floor(math.log10(value))
     return float(f"{math.floor(value * 10.0**digits * (1 + 1e-9)) / 10.0**digits:.6g}")
 
@@ -547,7 +546,6 @@ def _record(
     remedy: str = "",
     shapes: Sequence[str] = (),
 ) -> TimeStep:
-    """Return the record of an unstable step, with the line of the joint."""
     (h, largest), title = steps, engines()[task.engine].title
     message = f"{joint} is unstable in {title} at the step of {duration(h)}: "
     limit = f"the largest stable step is {duration(largest)}" if largest else ""
@@ -569,7 +567,6 @@ def _record(
 
 
 def _growth_words(growth: float) -> str:
-    """Return a growth in words: `14-fold`, `by 3.2 %`."""
     return f"{growth:.2g}-fold" if growth >= 2 else f"by {100 * (growth - 1):.2g} %"
 
 

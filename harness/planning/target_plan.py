@@ -91,11 +91,6 @@ class TargetPlan:
         assert self._facts is not None
         return self._facts
 
-    @property
-    def placeholder_case(self) -> CaseId:
-        """Placeholder for all its cases while they are unknown."""
-        return placeholder_case(self.place)
-
     def jobs(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """Yield the jobs of its models, after its preparation if needed."""
         facts = self._known_facts()
@@ -131,7 +126,7 @@ class TargetPlan:
             if not no_motion and (why := self._no_motion(failure)):
                 return [self._preparation(then, why)]
             self.results.forget(str(self.place))
-            self.results.add(failed_case(self.placeholder_case, str(self.place), failure))
+            self.results.add(failed_case(placeholder_case(self.place), str(self.place), failure))
             return ()
 
         reading = {**self._reading, **({"no_motion": no_motion} if no_motion else {})}

@@ -315,16 +315,6 @@ class StepChoice(Record, frozen=True, kw_only=True):
     problem: str = ""
 
 
-class StepChoices(Record, frozen=True, kw_only=True):
-    """Rows that `crosscheck step --format json` prints.
-
-    Attributes:
-        rows: Steps by file and engine.
-    """
-
-    rows: tuple[StepChoice, ...]
-
-
 class Stepping(Record, frozen=True, kw_only=True):
     """The engine's next state after one step, compared with its documented step rule.
 

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from .places import shown_line
@@ -26,12 +27,9 @@ _COMMENT = re.compile(rb"crosscheck:\s*ignore\s+(XC\d+(?:[\s,]+XC\d+)*)")
 
 @dataclass(frozen=True, kw_only=True)
 class CodeFilter:
-    """Codes to report and to ignore, as prefixes; it notes what it ignored.
+    """Prefixes of codes to report, by default all, and to ignore among these.
 
-    Attributes:
-        select: prefixes to report; empty: all.
-        ignore: prefixes to ignore among these.
-        ignored: what was ignored: code, file and subject of each finding and case.
+    It notes the code, line and subject of each finding and case that was `ignored`.
     """
 
     select: tuple[str, ...] = ()
@@ -54,16 +52,18 @@ class CodeFilter:
 
     def results(self, results: Results) -> Results:
         """Return results in which ignored cases count as accepted, without ignored findings."""
-        models = tuple(
-            one if one.audit is None
-            else replace(one, audit=tuple(self.reported(one.audit, one.folder)))
-            for one in results.models
-        )  # fmt: skip
+        models = tuple(map(self.model, results.models))
         cases = tuple(
             self.case(case, model.diagnosis if (model := results.model_of(case)) else None)
             for case in results.cases
         )
         return replace(results, models=models, cases=cases)
+
+    def model(self, model: Model) -> Model:
+        """Return a model without the ignored findings of its audit."""
+        if model.audit is None:
+            return model
+        return replace(model, audit=tuple(self.reported(model.audit, model.folder)))
 
     def lines(self) -> list[str]:
         """Return one line about what was ignored; none if nothing was."""

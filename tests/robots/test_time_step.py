@@ -21,7 +21,7 @@ from tests.records.made import case
 
 INERTIA = 0.3 * 0.1**2 + 0.001
 
-ROD = """<mujoco><option timestep="0.002" {option}>{flag}</option><worldbody><body pos="0 0 1">
+ROD = """<mujoco><option timestep="0.002">{flag}</option><worldbody><body pos="0 0 1">
 <joint name="j" axis="0 1 0" damping="{damping}" {joint}/>
 <inertial pos="0 0 {low}" mass="0.3" diaginertia="0.001 0.001 0.001"/>
 </body></worldbody><actuator>{drive}</actuator></mujoco>"""
@@ -34,16 +34,9 @@ size="1 1 .1"/><body pos="0 0 .0999"><freejoint name="root"/>
 EXPLICIT, SERVO = '<flag eulerdamp="disable"/>', '<position joint="j" kp="{}"/>'
 
 
-def rod(
-    option: str = "",
-    flag: str = "",
-    damping: float = 0.0,
-    drive: str = "",
-    low: float = -0.1,
-    joint: str = "",
-) -> str:
+def rod(**given: object) -> str:
     """Return a pendulum of inertia 0.004 kg m^2 about its joint; `low` above zero: inverted."""
-    return ROD.format(option=option, flag=flag, damping=damping, drive=drive, low=low, joint=joint)
+    return ROD.format(**{"flag": "", "damping": 0, "drive": "", "low": -0.1, "joint": ""} | given)
 
 
 URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous">

@@ -254,21 +254,12 @@ def code_prefixes(text: str) -> tuple[str, ...]:
     return given
 
 
-SELECT = option(
-    "Selection",
-    "--select",
-    type=code_prefixes,
-    default=(),
-    metavar="CODES",
-    help="Report only findings with these codes, e.g. XC1,XC207 [all]",
-)
-IGNORE = option(
-    "Selection",
-    "--ignore",
-    type=code_prefixes,
-    default=(),
-    metavar="CODES",
-    help="Ignore findings with these codes, or first characters of codes",
+SELECT, IGNORE = (
+    option("Selection", name, type=code_prefixes, default=(), metavar="CODES", help=text)
+    for name, text in {
+        "--select": "Report only findings with these codes, e.g. XC1,XC207 [all]",
+        "--ignore": "Ignore findings with these codes, or first characters of codes",
+    }.items()
 )
 
 

@@ -11,6 +11,7 @@ which runs code on this machine, and no path outside its folder, where a run wou
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import tomllib
@@ -58,13 +59,10 @@ class _SettingsFile:
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
         source = SourceFile(self.path, self.text.encode())
-        try:
-            start = toml_offset(
-                source, f"tool.crosscheck.{key if key.isidentifier() else repr(key)}"
-            )
-        except LocationError:
-            start = None
-        line = "" if start is None else f":{source.data[:start].count(10) + 1}"  # 10: a line feed
+        name, line = key if key.isidentifier() else repr(key), ""
+        with contextlib.suppress(LocationError):
+            start = toml_offset(source, f"tool.crosscheck.{name}")
+            line = f":{source.data[:start].count(10) + 1}"  # 10: a line feed
         return SettingsError(f"{self.path}{line}: {TABLE} {message}")
 
 

@@ -7,13 +7,14 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import msgspec
+
 from physics_crosscheck.harness.checks.time_step import choose_step
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.records.case import StepChoice, StepChoices
-from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.records.case import StepChoice
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import duration, percent
@@ -38,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
             names = options.engines or [one.name for one in engines_to_run(file.suffix)]
             choices += [_choice(workers, file, name, options) for name in names]
     if options.format == "json":
-        print(encoded(StepChoices(rows=tuple(choices)), indent=1))
+        print(msgspec.json.format(msgspec.json.encode({"rows": choices}), indent=1).decode())
     else:
         for file in targets.paths:
             _print_table(file, [one for one in choices if one.file == str(file)], options.error)
@@ -64,22 +65,22 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
 def _print_table(file: Path, choices: list[StepChoice], target: float) -> None:
     """Print a row per engine with numbers, then what is wrong, within 80 columns."""
     rows = [("engine", "dt", "error at dt", "largest stable dt", f"dt for {100 * target:g} %")]
-    for one in choices:
-        error = "unknown" if one.problem else "unstable"
-        if one.step is not None:
+    for choice in choices:
+        error = "unknown" if choice.problem else "unstable"
+        if choice.step is not None:
             rows.append((
-                one.engine,
-                duration(one.step),
-                error if one.error is None else percent(one.error),
-                "above 0.1 s" if one.largest_stable is None else duration(one.largest_stable),
-                "unknown" if one.step_for is None else duration(one.step_for),
+                choice.engine,
+                duration(choice.step),
+                error if choice.error is None else percent(choice.error),
+                "above 0.1 s" if choice.largest_stable is None else duration(choice.largest_stable),
+                "unknown" if choice.step_for is None else duration(choice.step_for),
             ))  # fmt: skip
     print(f"{shown_path(str(file))}  smooth motion from rest, 1 s")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows if len(rows) > 1 else ():
         cells = (row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:]))
         print(f"  {'  '.join(cells)}".rstrip())
-    for one in choices:
-        for text in filter(None, (one.unstable, one.problem)):
-            print("\n".join(wrapped(f"  {one.engine}: {text}", terminal().width)))
+    for choice in choices:
+        for text in filter(None, (choice.unstable, choice.problem)):
+            print("\n".join(wrapped(f"  {choice.engine}: {text}", terminal().width)))
     sys.stdout.flush()

@@ -565,8 +565,8 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
         worst = max(errors, key=lambda one: one[0])[1]
         assert worst.time_step is not None
         if not coarse:
-            most = percent(max(LEAST, *(error for error, _ in errors)))
-            return [f"time step: at most {most} off in all {counted(len(errors), 'case')}"]
+            off = percent(max(LEAST, *(error for error, _ in errors)))
+            return [f"time step: at most {off} off in all {counted(len(errors), 'case')}"]
         number = f"{coarse} of {counted(len(errors), 'case')}"
         return [
             f"time step: more than {percent(OFF)} off in {number}; worst: {worst.id},"
