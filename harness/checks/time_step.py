@@ -201,14 +201,9 @@ class StudiedModel:
         if isinstance(target, PreparedSystem):
             if target.system.interactions:  # no linearization describes motions that switch
                 return ()
+            points = [(e, np.concatenate([e.position, 0 * e.position])) for e in target.equilibria]
             return tuple(
-                RestPose(
-                    f"about {one.name}",
-                    np.concatenate([one.position, 0 * one.position]),
-                    one.hold,
-                    one.matrices["A"],
-                )
-                for one in target.equilibria
+                RestPose(f"about {e.name}", state, e.hold, e.matrices["A"]) for e, state in points
             )
         assert isinstance(target, PreparedTree)
         equations, n = TreeEquations(target.system), len(target.names)
@@ -446,8 +441,7 @@ def _overshooting(model: WholeModel) -> tuple[GrowingMode | None, WholeState]:
     later = model.moved(start, min(SETTLING_STEPS, round(SETTLING / model.step)))
     for state in (later, start):
         finite = np.isfinite(state.z).all() and np.isfinite(state.m).all()
-        mode = _whole_mode(model, state) if finite else None
-        if mode is not None:
+        if finite and (mode := _whole_mode(model, state)) is not None:
             return mode, state
     return None, start
 

@@ -138,7 +138,7 @@ def test_words_of_an_error_below_the_target() -> None:
     step = TimeStep(step=0.002, duration=1.0, error=5e-4, order=1)
     assert step_words(step) == "2 ms is 0.05 % off (smooth motion, 1 s)"
     files = [case(time_step=step, model=name) for name in ("a.xml", "b.xml")]
-    assert time_step_lines(files) == ["time step: at most 0.05 % off in all 2 cases"]
+    assert time_step_lines(files) == ["time step: at most 0.05 % off in both cases"]
 
 
 def test_motion_that_no_step_follows_has_no_percentage(tmp_path: Path) -> None:

@@ -77,12 +77,8 @@ def apply(parser: argparse.ArgumentParser, settings: Collection[str]) -> None:
         SettingsError: for a file that can't be read, an unknown setting, or an invalid value.
     """
     file, notes = _nearest(Path.cwd())
-    defaults: dict[str, object] = {}
-    if file is not None:
-        read = {key: _read(file, key, value) for key, value in file.table.items()}
-        defaults = {
-            SETTINGS[key].argument: default for key, default in read.items() if key in settings
-        }
+    values = _values(file)
+    defaults = {SETTINGS[key].argument: values[key] for key in values if key in settings}
     if file is not None and defaults:
         keys = ", ".join(key for key in file.table if key in settings)
         parser.epilog = f"Defaults from {file.path}: {keys}.\n\n{parser.epilog or ''}"
@@ -101,12 +97,15 @@ def project_settings(folder: Path, names: Collection[str]) -> dict[str, Any]:
         SettingsError: as of `apply`.
     """
     file, _ = _nearest(folder)
-    rows = {} if file is None else {key: _read(file, key, one) for key, one in file.table.items()}
-    values = {SETTINGS[key].argument: value for key, value in rows.items()}
+    values = {SETTINGS[key].argument: value for key, value in _values(file).items()}
     return {
         name: value.resolve() if isinstance(value, Path) else value
         for name, value in values.items() if name in names
     }  # fmt: skip
+
+
+def _values(file: _SettingsFile | None) -> dict[str, object]:
+    return {} if file is None else {key: _read(file, key, one) for key, one in file.table.items()}
 
 
 def _read(file: _SettingsFile, key: str, value: object) -> object:

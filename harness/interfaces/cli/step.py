@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -83,4 +82,3 @@ def _print_table(file: Path, choices: list[StepChoice], target: float) -> None:
     for choice in choices:
         for text in filter(None, (choice.unstable, choice.problem)):
             print("\n".join(wrapped(f"  {choice.engine}: {text}", terminal().width)))
-    sys.stdout.flush()

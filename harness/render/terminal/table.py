@@ -566,7 +566,8 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
         assert worst.time_step is not None
         if not coarse:
             off = percent(max(LEAST, *(error for error, _ in errors)))
-            return [f"time step: at most {off} off in all {counted(len(errors), 'case')}"]
+            every = "both" if len(errors) == 2 else f"all {len(errors)}"
+            return [f"time step: at most {off} off in {every} cases"]
         number = f"{coarse} of {counted(len(errors), 'case')}"
         return [
             f"time step: more than {percent(OFF)} off in {number}; worst: {worst.id},"
