@@ -106,6 +106,7 @@ class _TargetAudits:
 
     def _models(self, target: TargetPlan) -> Iterator[Job[Any]]:
         system, adapters = target.facts.record.name, registered()
+        audit = partial(ModelAudit, target=self._target)
         bodies = target.facts.declares != "energies"
         for file in [self._target] if target.standalone else model_files(self._target):
             name = file.model if isinstance(file, UnreadModel) else model_path(file).name
@@ -113,7 +114,7 @@ class _TargetAudits:
                 continue
             if isinstance(file, UnreadModel):
                 unread = ModelId(system=system, model=name, engine="-")
-                self._audits.append(ModelAudit(unread, self._target, failure=file.reason))
+                self._audits.append(audit(unread, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
                 model_id = ModelId(system=system, model=name, engine=engine)
@@ -123,14 +124,10 @@ class _TargetAudits:
                 # The findings of a robot file apply to every engine, also to missing ones.
                 if why and not target.standalone:
                     absent = why.outcome is Outcome.ABSENT
-                    self._audits.append(
-                        ModelAudit(model_id, self._target, failure=why.reason, absent=absent)
-                    )
+                    self._audits.append(audit(model_id, failure=why.reason, absent=absent))
                     continue
                 # Its findings go to its record.
-                self._audits.append(
-                    ModelAudit(model_id, self._target, bodies=bodies, mechanics=not why)
-                )
+                self._audits.append(audit(model_id, bodies=bodies, mechanics=not why))
                 model = ModelPlan(target, file, engine, ())
                 model.begin()
                 if not why:

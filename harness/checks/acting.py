@@ -104,12 +104,8 @@ def urdf_quantities(
 ) -> tuple[ActingQuantity, ...]:
     """Return what the numbers of a URDF act as in an engine, by its settings and its law.
 
-    Each joint and body has its rows. Engines without such a law have no rows.
-
-    Args:
-        spec: the file with its settings.
-        engine: name of the engine.
-        steps: keeps the model for other checks.
+    Each joint and body has its rows. Engines without such a law have no rows. `steps` keeps the
+    model for other checks.
 
     Raises:
         EngineError: if the file cannot be loaded.

@@ -146,7 +146,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     # Now: some engines unload this model when another one is loaded.
     time_step = case_time_step(task, model, coordinates)
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
-    time_step = whole_time_step(task, time_step) or time_step
+    time_step = whole_time_step(task, time_step)
     inertias = _inertias(task.target, model)
     judged = _judgement(task, (model, coordinates), None if why else motion)
     verdict = _combined(judged.verdict, parts.values())

@@ -13,12 +13,7 @@ from .stop import Stop
 
 @dataclass(frozen=True)
 class Task(Generic[Argument, Value]):
-    """A function of a module and its argument, to be called in a worker process.
-
-    Attributes:
-        function, argument: as above.
-        subject: as in `Pending`.
-    """
+    """A function and its argument, for a worker process, and the subject, as in `Pending`."""
 
     function: Callable[[Argument], Value]
     argument: Argument

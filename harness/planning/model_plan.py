@@ -82,11 +82,8 @@ class ModelPlan:
             if plan in check.plans and wanted and models:
                 yield from self._do(check, models)
 
-    def _case(self, case: CaseId, no_motion: str = "") -> Iterator[Job[Any]]:
-        """Yield the job of a case, which is measured for the baseline too.
-
-        If it takes too long with a motion from rest, it runs again without.
-        """
+    def _case(self, case: CaseId) -> Iterator[Job[Any]]:
+        """Yield the job of a case, which is measured for the baseline too."""
 
         def done(value: Case) -> Iterator[Job[Any]]:
             # A robot file that the engine refuses has nothing to measure.
@@ -95,18 +92,10 @@ class ModelPlan:
             yield from self._ended(value)
 
         def failed(failure: Failure) -> Jobs:
-            if not no_motion and (why := self._target.no_motion(failure)):
-                return self._case(case, why)
             return self._ended(failed_case(case, self._folder, failure))
 
         return self._target.do(
-            CASE,
-            self.key,
-            done,
-            failed,
-            sidecar=self._sidecar,
-            scenario=case.scenario,
-            no_motion=no_motion,
+            CASE, self.key, done, failed, sidecar=self._sidecar, scenario=case.scenario
         )
 
     def _ended(self, case: Case) -> Iterator[Job[Any]]:

@@ -91,11 +91,6 @@ class TargetPlan:
         assert self._facts is not None
         return self._facts
 
-    @property
-    def placeholder_case(self) -> CaseId:
-        """Placeholder for all its cases while they are unknown."""
-        return placeholder_case(self.place)
-
     def jobs(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """Yield the jobs of its models, after its preparation if needed."""
         facts = self._known_facts()
@@ -128,15 +123,17 @@ class TargetPlan:
             return then()
 
         def failed(failure: Failure) -> Jobs:
-            if not no_motion and (why := self.no_motion(failure)):
+            if not no_motion and (why := self._no_motion(failure)):
                 return [self._preparation(then, why)]
-            return self._unprepared(failure)
+            self.results.forget(str(self.place))
+            self.results.add(failed_case(placeholder_case(self.place), str(self.place), failure))
+            return ()
 
         reading = {**self._reading, **({"no_motion": no_motion} if no_motion else {})}
         task = Task(task_function("target", **reading), self.place)
         return Job(task=task, done=done, failed=failed)
 
-    def no_motion(self, failure: Failure) -> str:
+    def _no_motion(self, failure: Failure) -> str:
         """Return why a task runs again without the motion from rest; empty if it should not."""
         limits = ("time limit", "memory limit")
         return failure.reason if self.options.motion > 0 and failure.kind in limits else ""
@@ -144,11 +141,6 @@ class TargetPlan:
     def _resumed(self) -> Jobs:
         waiting, self._waiting = self._waiting or [], None
         return [make() for make in waiting]
-
-    def _unprepared(self, failure: Failure) -> Jobs:
-        self.results.forget(str(self.place))
-        self.results.add(failed_case(self.placeholder_case, str(self.place), failure))
-        return ()
 
     def do(
         self,
@@ -160,9 +152,10 @@ class TargetPlan:
         sidecar: Sidecar | None = None,
         scenario: str = "",
         snapshot: Snapshot | None = None,
-        no_motion: str = "",
     ) -> Iterator[Job[Any]]:
         """Yield the job of a model's check, unless its value is stored.
+
+        A case that takes too long with a motion from rest runs again without.
 
         Args:
             check: one of `model_checks.CHECKS`.
@@ -171,7 +164,6 @@ class TargetPlan:
             sidecar: sidecar of a folder's model.
             scenario: scenario of a case or a measurement.
             snapshot: snapshot that a measurement repeats.
-            no_motion: why the motion from rest is left out; empty if it is not.
         """
         cache_key = self._cache_key(check.kind, key, scenario, snapshot)
         if (value := self._lookup(cache_key)) is not None:
@@ -179,7 +171,7 @@ class TargetPlan:
             yield from done(value)
             return
 
-        def job() -> Job[Any]:
+        def job(no_motion: str = "") -> Job[Any]:
             # The checks of a robot file in an engine share a loaded model and its steps.
             subject = "" if sidecar else str(key)
             function = check.task(
@@ -198,17 +190,18 @@ class TargetPlan:
                 task = Task(Reading(task, self.place), task.argument, subject)
 
             def ended(outcome: Any) -> Jobs:
-                value, reads = (
-                    (outcome.value, outcome.reads)
-                    if isinstance(outcome, TaskOutput)
-                    else (outcome, {})
-                )
+                is_read = isinstance(outcome, TaskOutput)
+                value, reads = (outcome.value, outcome.reads) if is_read else (outcome, {})
                 seen = self.results.reads[str(self.place)]
                 self.results.reads[str(self.place)] = {**seen, **reads}
                 self._store(cache_key, value, reads)
                 return done(value)
 
-            return Job(task=task, done=ended, failed=failed)
+            def again(failure: Failure) -> Jobs:
+                why = self._no_motion(failure) if check is CASE and not no_motion else ""
+                return [job(why)] if why else failed(failure)
+
+            return Job(task=task, done=ended, failed=again)
 
         if self._waiting is None:
             yield job()
@@ -240,10 +233,8 @@ class TargetPlan:
     def _lookup(self, key: CacheKey | None) -> Any | None:
         if key is None or self._cache is None:
             return None
-        return self._sound(self._cache.find(key, RESULTS[key.kind]))
-
-    def _sound(self, value: Any | None) -> Any | None:
-        """Return a stored value; ignore a case that contradicts its own numbers."""
+        value = self._cache.find(key, RESULTS[key.kind])
+        # Ignore a case that contradicts its own numbers.
         if isinstance(value, Case) and value.contradiction(self.options.resolution):
             return None
         return value
@@ -253,32 +244,22 @@ class TargetPlan:
         if key is not None and self._cache is not None:
             self._cache.store(key, value, {**self.facts.reads, **reads})
 
-    def _inputs(self, key: ModelKey, snapshot: Snapshot | None) -> str:
-        """Return a hash of the dependencies of a model in an engine; "" if unknown."""
-        hashed = self._inputs_of_model(key)
-        return hashed if snapshot is None else with_snapshot(hashed, snapshot)
-
-    def _inputs_of_model(self, key: ModelKey) -> str:
-        options = self.options
-        if not self.standalone:
-            hashed = self._hashes.get(key, "")
-            return with_environment(hashed, key[-1], options.motion, options.thorough)
-        assert self._key is not None  # only needed with a cache
-        return file_in_engine(self._key, key[-1], options.resolution, options.thorough)
-
     def _cache_key(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
     ) -> CacheKey | None:
         if self._cache is None:
             return None
-        return _key_of(kind, key, scenario, self._inputs(key, snapshot))
-
-
-def _key_of(kind: str, key: ModelKey, scenario: str, inputs: str) -> CacheKey:
-    folder, model, engine = key
-    return CacheKey(
-        kind=kind, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs
-    )
+        (folder, model, engine), options = key, self.options
+        if self._key is not None and self.standalone:
+            inputs = file_in_engine(self._key, engine, options.resolution, options.thorough)
+        else:
+            hashed = self._hashes.get(key, "")
+            inputs = with_environment(hashed, engine, options.motion, options.thorough)
+        if snapshot is not None:
+            inputs = with_snapshot(inputs, snapshot)
+        return CacheKey(
+            kind=kind, folder=folder, model=model, engine=engine, scenario=scenario, inputs=inputs
+        )
 
 
 def placeholder_case(place: Path) -> CaseId:

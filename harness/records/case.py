@@ -267,7 +267,7 @@ class TimeStep(Record, frozen=True, kw_only=True):
         step: Time step of the file or its sidecar, seconds.
         duration: Length of the smooth motion, seconds; None without one.
         error: Its largest error, relative to the amplitude; None if it blows up.
-        order: Exponent of the step in the error.
+        order: Exponent of the step in the error; 0 if no time step that was run follows the motion.
         steps_for: Predicted steps for errors of 1 %, 0.1 % and 0.01 %.
         growth: Growth of a small deviation in a step; None if none grows unlike the equations.
         joint: Coordinate that takes part most in what grows; empty without growth.
@@ -295,7 +295,7 @@ class StepChoice(Record, frozen=True, kw_only=True):
         integrator: Name of the integrator.
         step: Time step of the file, or the default, seconds.
         error: Largest error over one second of smooth motion, relative to the amplitude; None if it
-            blows up.
+            blows up, or no time step follows the motion.
         largest_stable: Largest stable step, seconds; None if it is above 0.1 s, or unknown.
         target: Requested error.
         step_for: Step for the requested error, seconds; None if it cannot be predicted.
@@ -313,16 +313,6 @@ class StepChoice(Record, frozen=True, kw_only=True):
     step_for: Number = None
     unstable: str = ""
     problem: str = ""
-
-
-class StepChoices(Record, frozen=True, kw_only=True):
-    """Rows that `crosscheck step --format json` prints.
-
-    Attributes:
-        rows: Steps by file and engine.
-    """
-
-    rows: tuple[StepChoice, ...]
 
 
 class Stepping(Record, frozen=True, kw_only=True):

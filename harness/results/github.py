@@ -19,6 +19,7 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.codes import part_code
+from physics_crosscheck.harness.records.finding import AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -80,9 +81,8 @@ class Annotation:
     @property
     def concise(self) -> str:
         """The line `file:line: CODE message`, as editors and other linters expect."""
-        return concise_line(
-            SourceLine(file=str(self.file), line=self.line), self.code, self.message
-        )
+        where = SourceLine(file=str(self.file), line=self.line)
+        return concise_line(where, self.code, self.message)
 
 
 def concise_line(where: SourceLine, code: str, message: str) -> str:
@@ -101,19 +101,10 @@ def _audit_notes(results: Results) -> Iterator[Annotation]:
     for alike in audited_alike(one for one in results.models if not one.accepted):
         model = alike[0]
         for finding in model.findings:
-            where = [finding.location] if finding.location is not None else []
-            changes = stated_changes(model, [finding])
+            changes = tuple(stated_changes(model, [finding]))
             new = f"; write {changes[0].new}" if changes else ""
-            yield _note(
-                (model.folder, model.model),
-                where,
-                level="error",
-                code=finding.code,
-                title=f"audit of {named_models(alike)}",
-                message=f"{finding.message}{new}",
-                changes=tuple(changes),
-                model=model,
-            )
+            title = f"audit of {named_models(alike)}"
+            yield _finding_note(model, finding, "error", title, new, changes=changes, model=model)
 
 
 def advice(results: Results) -> list[Annotation]:
@@ -122,17 +113,15 @@ def advice(results: Results) -> list[Annotation]:
         (model.folder, model.model, one.code, one.message): (model, one)
         for model in results.models for one in model.advice
     }  # fmt: skip
-    return [
-        _note(
-            (model.folder, model.model),
-            [one.location] if one.location is not None else [],
-            level="notice",
-            code=one.code,
-            title=f"advice on {model.id}",
-            message=one.message,
-        )
-        for model, one in rows.values()
-    ]
+    return [_finding_note(*row, "notice", f"advice on {row[0].id}") for row in rows.values()]
+
+
+def _finding_note(
+    model: Model, finding: AuditFinding, level: str, title: str, more: str = "", /, **fields: Any
+) -> Annotation:
+    where = [finding.location] if finding.location is not None else []
+    fields |= {"level": level, "code": finding.code, "title": title}
+    return _note((model.folder, model.model), where, message=f"{finding.message}{more}", **fields)
 
 
 def _failure_notes(results: Results) -> Iterator[Annotation]:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from physics_crosscheck.harness.documents.reading import read_regular
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
-from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
@@ -27,12 +27,9 @@ _COMMENT = re.compile(rb"crosscheck:\s*ignore\s+(XC\d+(?:[\s,]+XC\d+)*)")
 
 @dataclass(frozen=True, kw_only=True)
 class CodeFilter:
-    """Codes to report and to ignore, as prefixes; it notes what it ignored.
+    """Prefixes of codes to report, by default all, and to ignore among these.
 
-    Attributes:
-        select: prefixes to report; empty: all.
-        ignore: prefixes to ignore among these.
-        ignored: what was ignored: code, file and subject of each finding and case.
+    It notes the code, line and subject of each finding and case that was `ignored`.
     """
 
     select: tuple[str, ...] = ()
@@ -42,9 +39,7 @@ class CodeFilter:
     def reported(self, findings: Sequence[AuditFinding], folder: str = "") -> list[AuditFinding]:
         """Return the findings that are not ignored, and count the others; notes always stay.
 
-        Args:
-            findings: of one model.
-            folder: of the model; empty if the paths of lines are complete.
+        Paths of lines are relative to the folder of the model, or complete without one.
         """
         kept = []
         for finding in findings:
@@ -57,25 +52,29 @@ class CodeFilter:
 
     def results(self, results: Results) -> Results:
         """Return results in which ignored cases count as accepted, without ignored findings."""
-        models = tuple(
-            one if one.audit is None
-            else replace(one, audit=tuple(self.reported(one.audit, one.folder)))
-            for one in results.models
-        )  # fmt: skip
-        cases = tuple(self.case(case, results.model_of(case)) for case in results.cases)
+        models = tuple(map(self.model, results.models))
+        cases = tuple(
+            self.case(case, model.diagnosis if (model := results.model_of(case)) else None)
+            for case in results.cases
+        )
         return replace(results, models=models, cases=cases)
+
+    def model(self, model: Model) -> Model:
+        """Return a model without the ignored findings of its audit."""
+        if model.audit is None:
+            return model
+        return replace(model, audit=tuple(self.reported(model.audit, model.folder)))
 
     def lines(self) -> list[str]:
         """Return one line about what was ignored; none if nothing was."""
         codes = ", ".join(sorted({code for code, *_ in self.ignored}))
         return [f"{counted(len(self.ignored), 'finding')} ignored: {codes}"] if codes else []
 
-    def case(self, case: Case, model: Model | None) -> Case:
+    def case(self, case: Case, diagnosis: Diagnosis | None) -> Case:
         """Return a case, marked as accepted if it or each of its diagnosed causes is ignored."""
         if case.outcome is Outcome.AGREES or case.accepted:
             return case
         rows = [(case.code, case.locations)]
-        diagnosis = model.diagnosis if model else None
         if diagnosis and diagnosis.explained and diagnosis.explanations:
             rows = [(one.code, one.locations) for one in diagnosis.explanations[0].causes]
         is_whole = self._ignores(case.code, (), case.folder)
@@ -88,9 +87,7 @@ class CodeFilter:
     def _ignores(self, code: str, lines: Sequence[SourceLine], folder: str) -> bool:
         if not code.startswith(IGNORABLE):
             return False
-        if (self.select and not code.startswith(self.select)) or code.startswith(
-            self.ignore or ("-",)
-        ):
+        if not code.startswith(self.select or ("",)) or code.startswith(self.ignore or ("-",)):
             return True
         return bool(lines) and all(code in _ignored_at(one, folder) for one in lines)
 

@@ -24,15 +24,11 @@ def find_code(word: str) -> Code | None:
 
 def search_codes(words: Iterable[str]) -> list[Code]:
     """Return the messages whose code, name or texts contain all the words, in any case."""
-    wanted = [word.casefold() for word in words]
-    return [
-        one
-        for one in codes().values()
-        if all(
-            word in f"{one.code} {one.name} {one.title} {one.cause} {one.remedy}".casefold()
-            for word in wanted
-        )
-    ]
+    result = list(codes().values())
+    for word in map(str.casefold, words):
+        texts = (f"{x.code} {x.name} {x.title} {x.cause} {x.remedy}".casefold() for x in result)
+        result = [code for code, text in zip(result, texts, strict=True) if word in text]
+    return result
 
 
 def with_code(code: str, text: str) -> str:
@@ -99,12 +95,7 @@ def _wrapped(line: str, width: int) -> list[str]:
 
 
 def list_lines(width: int, chosen: Iterable[Code] | None = None) -> Iterator[str]:
-    """Yield codes with their titles, by group, for a terminal of the given width in columns.
-
-    Args:
-        width: columns.
-        chosen: the codes; None: all.
-    """
+    """Yield the codes, by default all, with their titles, by group, in lines of a width."""
     rows = list(codes().values() if chosen is None else chosen)
     for prefix, title in GROUPS.items():
         group = [code for code in rows if code.code.startswith(prefix)]

@@ -124,6 +124,10 @@ LEAST, TENTH = 1e-4, 1e-3
 """Smallest error of a time step that is stated, and the one for which a step is."""
 
 
+NOT_FOLLOWED = "no time step that was run follows 1 s of this motion"
+"""Instead of an error that halving the step does not reduce as the order of the engine demands."""
+
+
 def step_words(step: TimeStep) -> str:
     """Return the error of a time step in words, or that it is unstable."""
     size = duration(step.step or 0.0)
@@ -133,6 +137,8 @@ def step_words(step: TimeStep) -> str:
     motion = f"(smooth motion, {duration(step.duration or 0.0)})"
     if step.error is None:
         return f"{size} blows up {motion}"
+    if not step.order:
+        return NOT_FOLLOWED
     off = percent(step.error) if step.error >= LEAST else f"less than {100 * LEAST:g} %"
     target = next((one.step for one in step.steps_for if one.target == TENTH), None)
     if step.error <= TENTH:

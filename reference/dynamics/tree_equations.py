@@ -269,6 +269,14 @@ class TreeEquations(EquationsOfMotion):
             columns.append(equations.second_derivatives(positions, by) / (2 * sizes[some][:, None]))
         return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
+    def state_matrices(self, states: Array, forces: Array) -> Array:
+        """Return derivatives of a state's rates by the state under constant forces, (B, 2n, 2n)."""
+        n = forces.shape[1]
+        result = np.zeros((len(states), 2 * n, 2 * n))
+        result[:, range(n), range(n, 2 * n)] = 1.0
+        result[:, n:] = self.pushed_slopes(states, forces)
+        return result
+
     def mechanics(self, q: Array, v: Array, forces: Array) -> tuple[Array, Array]:
         """Return M, (B, n, n), and the other forces, (B, n), of M a = f in the coordinates.
 

@@ -408,14 +408,11 @@ def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[floa
     """
     states, forces, n = states[:RATE_STATES], forces[:RATE_STATES], states.shape[1] // 2
     with np.errstate(all="ignore"):
-        lower = equations.pushed_slopes(states, forces)
-    if not np.isfinite(lower).all():
+        matrices = equations.state_matrices(states, forces)
+    if not np.isfinite(matrices).all():
         raise ReferenceError("the accelerations are not finite: the mass matrix is singular")
-    full = np.zeros((len(states), 2 * n, 2 * n))
-    full[:, range(n), range(n, 2 * n)] = 1.0
-    full[:, n:] = lower
-    settling = np.max(np.abs(np.einsum("kii->ki", lower[:, :, n:])), axis=0)
-    return float(np.max(np.abs(np.linalg.eigvals(full)))), settling
+    settling = np.max(np.abs(np.einsum("kii->ki", matrices[:, n:, n:])), axis=0)
+    return float(np.max(np.abs(np.linalg.eigvals(matrices)))), settling
 
 
 MIN_SINGULAR_VALUE = 1e-9

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.time_step import choose_step
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.planning.options import Options
@@ -13,12 +14,14 @@ from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.planning.tasks import target
 from physics_crosscheck.harness.records.case import TimeStep
-from physics_crosscheck.harness.results.status import step_words
+from physics_crosscheck.harness.render.terminal.table import time_step_lines
+from physics_crosscheck.harness.results.status import NOT_FOLLOWED, step_words
 from tests.models import robot_task, written
+from tests.records.made import case
 
 INERTIA = 0.3 * 0.1**2 + 0.001
 
-ROD = """<mujoco><option timestep="0.002" {option}>{flag}</option><worldbody><body pos="0 0 1">
+ROD = """<mujoco><option timestep="0.002">{flag}</option><worldbody><body pos="0 0 1">
 <joint name="j" axis="0 1 0" damping="{damping}" {joint}/>
 <inertial pos="0 0 {low}" mass="0.3" diaginertia="0.001 0.001 0.001"/>
 </body></worldbody><actuator>{drive}</actuator></mujoco>"""
@@ -31,16 +34,9 @@ size="1 1 .1"/><body pos="0 0 .0999"><freejoint name="root"/>
 EXPLICIT, SERVO = '<flag eulerdamp="disable"/>', '<position joint="j" kp="{}"/>'
 
 
-def rod(
-    option: str = "",
-    flag: str = "",
-    damping: float = 0.0,
-    drive: str = "",
-    low: float = -0.1,
-    joint: str = "",
-) -> str:
+def rod(**given: object) -> str:
     """Return a pendulum of inertia 0.004 kg m^2 about its joint; `low` above zero: inverted."""
-    return ROD.format(option=option, flag=flag, damping=damping, drive=drive, low=low, joint=joint)
+    return ROD.format(**{"flag": "", "damping": 0, "drive": "", "low": -0.1, "joint": ""} | given)
 
 
 URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous">
@@ -139,5 +135,17 @@ def test_motion_that_takes_too_long_keeps_the_verdict(tmp_path: Path) -> None:
 
 def test_words_of_an_error_below_the_target() -> None:
     """Catch a shorter step that is recommended although the own one is good enough."""
-    words = step_words(TimeStep(step=0.002, duration=1.0, error=5e-4))
-    assert words == "2 ms is 0.05 % off (smooth motion, 1 s)"
+    step = TimeStep(step=0.002, duration=1.0, error=5e-4, order=1)
+    assert step_words(step) == "2 ms is 0.05 % off (smooth motion, 1 s)"
+    files = [case(time_step=step, model=name) for name in ("a.xml", "b.xml")]
+    assert time_step_lines(files) == ["time step: at most 0.05 % off in both cases"]
+
+
+def test_motion_that_no_step_follows_has_no_percentage(tmp_path: Path) -> None:
+    """Catch an error in percent where shorter steps show no order."""
+    file = written(tmp_path, "rod.xml", rod(drive=SERVO.format(3800)))
+    row = choose_step(file, engine="mujoco", target=0.01, floating=False, model="")
+    assert (row.error, row.problem, row.unstable) == (None, NOT_FOLLOWED, "")
+    step = run_case(robot_task(tmp_path, file.name, file.read_text(), "mujoco")).time_step
+    assert step is not None
+    assert step_words(step) == NOT_FOLLOWED

@@ -246,33 +246,20 @@ def code_prefixes(text: str) -> tuple[str, ...]:
     given = tuple(filter(None, re.split(r"[,\s]+", text.upper())))
     for prefix in given:
         matching = [code for code in codes() if code.startswith(prefix)]
-        if not matching:
-            raise argparse.ArgumentTypeError(
-                f"no code begins with {prefix}; see crosscheck explain"
-            )
+        groups = ", ".join(f"{one}xx" for one in IGNORABLE)
+        why = f"{prefix} cannot be ignored, since nothing is tested there; only {groups} can"
         if not any(code.startswith(IGNORABLE) for code in matching):
-            raise argparse.ArgumentTypeError(
-                f"{prefix} cannot be ignored, since nothing is tested there; only"
-                f" {', '.join(f'{one}xx' for one in IGNORABLE)} can"
-            )
+            none = f"no code begins with {prefix}; see crosscheck explain"
+            raise argparse.ArgumentTypeError(why if matching else none)
     return given
 
 
-SELECT = option(
-    "Selection",
-    "--select",
-    type=code_prefixes,
-    default=(),
-    metavar="CODES",
-    help="Report only findings with these codes, e.g. XC1,XC207 [all]",
-)
-IGNORE = option(
-    "Selection",
-    "--ignore",
-    type=code_prefixes,
-    default=(),
-    metavar="CODES",
-    help="Ignore findings with these codes, or first characters of codes",
+SELECT, IGNORE = (
+    option("Selection", name, type=code_prefixes, default=(), metavar="CODES", help=text)
+    for name, text in {
+        "--select": "Report only findings with these codes, e.g. XC1,XC207 [all]",
+        "--ignore": "Ignore findings with these codes, or first characters of codes",
+    }.items()
 )
 
 

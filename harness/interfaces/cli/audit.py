@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from difflib import unified_diff
 from itertools import chain, groupby
@@ -14,7 +14,7 @@ from msgspec import structs
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
-from physics_crosscheck.harness.documents.reading import read_regular
+from physics_crosscheck.harness.documents.reading import apply_edits, read_regular
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines, is_robot
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.base import SourceLine
@@ -34,7 +34,7 @@ from physics_crosscheck.harness.results.failure import (
     audit_lines,
     survey_lines,
 )
-from physics_crosscheck.harness.results.github import concise_line, plain_line, print_commands
+from physics_crosscheck.harness.results.github import concise_line
 from physics_crosscheck.harness.results.ignored import CodeFilter
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
@@ -70,10 +70,13 @@ def main(options: argparse.Namespace) -> int:
         code = FAIL
     if options.format == "concise":
         code = max([code, *(_code(model) for model in model_audits)])
-        print_commands(map(plain_line, dict.fromkeys(chain(*map(_concise, model_audits)))))
+        lines = dict.fromkeys(chain(*map(_concise, model_audits)))
+        sys.stdout.writelines(f"{line}\n" for line in lines)
     else:
         console, codes = terminal(), list[str]()
-        for _, alike in groupby(model_audits, _without_engine):
+        for _, alike in groupby(
+            model_audits, lambda one: replace(one, id=structs.replace(one.id, engine=""))
+        ):
             code = max(code, _print(console, list(alike), codes, options.details))
         print_hint(console, explain_hint(codes))
     for line in reported.lines():
@@ -101,9 +104,8 @@ def _code(model: ModelAudit) -> int:
 
 def _concise(model: ModelAudit) -> Iterator[str]:
     """Yield `file:line: CODE message` for a failure, and each finding and advice."""
-    is_folder = model.target.is_dir()
-    file = model.target / model.id.model if is_folder else model.target
-    whole = SourceLine(file=str(file))
+    target = model.target
+    whole = SourceLine(file=str(target / model.id.model if target.is_dir() else target))
     if model.failure and not model.absent:
         yield concise_line(whole, part_code(), model.failure)
     for finding in model.findings:
@@ -112,38 +114,28 @@ def _concise(model: ModelAudit) -> Iterator[str]:
 
 
 def fix(model_audits: Iterable[ModelAudit]) -> bool:
-    """Write the numbers that findings state into their files, print the change; return if any."""
+    """Write the numbers that findings state into their files, print the change; return if any.
+
+    A file that has changed since it was read stays as it is.
+    """
     repairs: dict[str, dict[tuple[int, int], tuple[str, str]]] = {}
     for finding in chain.from_iterable(model.findings for model in model_audits):
         where = finding.location
         if finding.replacement and where is not None and where.span is not None:
-            first, last = where.span
-            repairs.setdefault(where.file, {})[first, last] = where.text, finding.replacement
-    written = [_is_written(Path(name), spans) for name, spans in repairs.items()]
-    return any(written)
-
-
-def _is_written(path: Path, spans: Mapping[tuple[int, int], tuple[str, str]]) -> bool:
-    """Replace texts at spans of bytes as a whole, and print the change; nothing if one differs."""
-    before = read_regular(path)
-    if any(before[slice(*span)] != old.encode() for span, (old, _) in spans.items()):
-        print(f"crosscheck: {path} has changed since it was read; not fixed", file=sys.stderr)
-        return False
-    after = before
-    for (first, last), (_, new) in sorted(spans.items(), reverse=True):
-        after = after[:first] + new.encode() + after[last:]
-    write_whole(path, after.decode())
-    name, (old_rows, new_rows) = (
-        shown_path(path),
-        (text.decode().splitlines() for text in (before, after)),
-    )
-    rows = unified_diff(old_rows, new_rows, name, name, n=0, lineterm="")
-    print_commands(plain_line(visible(row)) for row in rows)
-    return True
-
-
-def _without_engine(model: ModelAudit) -> ModelAudit:
-    return replace(model, id=structs.replace(model.id, engine=""))
+            repairs.setdefault(where.file, {})[where.span] = where.text, finding.replacement
+    fixed = False
+    for file, spans in repairs.items():
+        before, name = read_regular(Path(file)), shown_path(file)
+        if any(before[slice(*span)] != old.encode() for span, (old, _) in spans.items()):
+            print(f"crosscheck: {file} has changed since it was read; not fixed", file=sys.stderr)
+            continue
+        after = apply_edits(before, ((*span, new.encode()) for span, (_, new) in spans.items()))
+        write_whole(Path(file), after.decode())
+        old_rows, new_rows = (text.decode().splitlines() for text in (before, after))
+        for row in unified_diff(old_rows, new_rows, name, name, n=0, lineterm=""):
+            print(visible(row))
+        fixed = True
+    return fixed
 
 
 def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], details: bool) -> int:
@@ -173,9 +165,8 @@ def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], det
         advice = [one for one in model.findings if one.severity == "advice"]
         shown = advice_lines(advice, details=details)
         lines = [*lines, *(f"{'advice':<8} {line}" for line in shown), *acting_lines(model.acting)]
-        found_codes = [one.code for one in model.findings if one.severity == "finding"]
-        codes += found_codes
-        codes += [one.code for one in advice]
+        wrong = [one for one in model.findings if one.severity == "finding"]
+        codes += [one.code for one in (*wrong, *advice)]
     for line in lines:
         print_status_lines(console, wrapped(f"  {line}", console.width))
     return code

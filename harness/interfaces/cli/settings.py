@@ -11,6 +11,7 @@ which runs code on this machine, and no path outside its folder, where a run wou
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import tomllib
@@ -18,7 +19,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import arguments
 from .help import suggestion
@@ -34,15 +35,8 @@ class SettingsError(ValueError):
     """An invalid setting; the message names the file, the line, the setting and the remedy."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Setting:
-    """One setting.
-
-    Attributes:
-        argument: argparse's name of the argument whose default it sets.
-        kind: type of its value, as the documentation names it.
-        read: converts its value.
-    """
+class Setting(NamedTuple):
+    """The argument of argparse that a setting sets, the type of its value, and its reader."""
 
     argument: str
     kind: str
@@ -51,13 +45,7 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class _SettingsFile:
-    """A file with settings.
-
-    Attributes:
-        path: from the working folder.
-        text: its content.
-        table: its settings.
-    """
+    """A file with settings: its path from the working folder, its text and its table."""
 
     path: Path
     text: str
@@ -71,13 +59,10 @@ class _SettingsFile:
         from physics_crosscheck.harness.modelfiles.locations.toml import toml_offset
 
         source = SourceFile(self.path, self.text.encode())
-        try:
-            start = toml_offset(
-                source, f"tool.crosscheck.{key if key.isidentifier() else repr(key)}"
-            )
-        except LocationError:
-            start = None
-        line = "" if start is None else f":{source.data[:start].count(10) + 1}"  # 10: a line feed
+        name, line = key if key.isidentifier() else repr(key), ""
+        with contextlib.suppress(LocationError):
+            start = toml_offset(source, f"tool.crosscheck.{name}")
+            line = f":{source.data[:start].count(10) + 1}"  # 10: a line feed
         return SettingsError(f"{self.path}{line}: {TABLE} {message}")
 
 
@@ -92,12 +77,8 @@ def apply(parser: argparse.ArgumentParser, settings: Collection[str]) -> None:
         SettingsError: for a file that can't be read, an unknown setting, or an invalid value.
     """
     file, notes = _nearest(Path.cwd())
-    defaults: dict[str, object] = {}
-    if file is not None:
-        read = {key: _read(file, key, value) for key, value in file.table.items()}
-        defaults = {
-            SETTINGS[key].argument: default for key, default in read.items() if key in settings
-        }
+    values = _values(file)
+    defaults = {SETTINGS[key].argument: values[key] for key in values if key in settings}
     if file is not None and defaults:
         keys = ", ".join(key for key in file.table if key in settings)
         parser.epilog = f"Defaults from {file.path}: {keys}.\n\n{parser.epilog or ''}"
@@ -116,12 +97,15 @@ def project_settings(folder: Path, names: Collection[str]) -> dict[str, Any]:
         SettingsError: as of `apply`.
     """
     file, _ = _nearest(folder)
-    rows = {} if file is None else {key: _read(file, key, one) for key, one in file.table.items()}
-    values = {SETTINGS[key].argument: value for key, value in rows.items()}
+    values = {SETTINGS[key].argument: value for key, value in _values(file).items()}
     return {
         name: value.resolve() if isinstance(value, Path) else value
         for name, value in values.items() if name in names
     }  # fmt: skip
+
+
+def _values(file: _SettingsFile | None) -> dict[str, object]:
+    return {} if file is None else {key: _read(file, key, one) for key, one in file.table.items()}
 
 
 def _read(file: _SettingsFile, key: str, value: object) -> object:
@@ -246,21 +230,19 @@ def _switch(value: object, _: Path) -> bool:
 
 SETTINGS: Mapping[str, Setting] = MappingProxyType(
     {
-        "folders": Setting(argument="folders", kind="list of paths or names", read=_folders),
-        "engines": Setting(argument="engines", kind="list of names", read=_names),
-        "resolution": Setting(
-            argument="resolution", kind="number", read=_of_text(arguments.resolution)
-        ),
-        "limit": Setting(argument="limit", kind="number", read=_of_text(arguments.seconds)),
-        "memory": Setting(argument="memory", kind="number", read=_of_text(arguments.memory)),
-        "jobs": Setting(argument="jobs", kind="whole number", read=_of_text(arguments.positive)),
-        "cache": Setting(argument="cache", kind="path", read=_path),
-        "baseline": Setting(argument="baseline", kind="path", read=_path),
-        "out": Setting(argument="out", kind="path", read=_path),
-        "strict": Setting(argument="strict", kind="boolean", read=_switch),
-        "select": Setting(argument="select", kind="list of codes", read=_codes),
-        "ignore": Setting(argument="ignore", kind="list of codes", read=_codes),
-        "require-engines": Setting(argument="require_engines", kind="boolean", read=_switch),
+        "folders": Setting("folders", "list of paths or names", _folders),
+        "engines": Setting("engines", "list of names", _names),
+        "resolution": Setting("resolution", "number", _of_text(arguments.resolution)),
+        "limit": Setting("limit", "number", _of_text(arguments.seconds)),
+        "memory": Setting("memory", "number", _of_text(arguments.memory)),
+        "jobs": Setting("jobs", "whole number", _of_text(arguments.positive)),
+        "cache": Setting("cache", "path", _path),
+        "baseline": Setting("baseline", "path", _path),
+        "out": Setting("out", "path", _path),
+        "strict": Setting("strict", "boolean", _switch),
+        "select": Setting("select", "list of codes", _codes),
+        "ignore": Setting("ignore", "list of codes", _codes),
+        "require-engines": Setting("require_engines", "boolean", _switch),
     }
 )
 """All settings, by their names in the file. The table of commands names those of each."""

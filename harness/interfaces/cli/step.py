@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
 from pathlib import Path
+
+import msgspec
 
 from physics_crosscheck.harness.checks.time_step import choose_step
 from physics_crosscheck.harness.documents.expanded import with_sources
 from physics_crosscheck.harness.engines.registry import engines, engines_to_run, missing
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
-from physics_crosscheck.harness.records.case import StepChoice, StepChoices
-from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.records.case import StepChoice
 from physics_crosscheck.harness.render.terminal.console import terminal, wrapped
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import duration, percent
 from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL
 from .targets import resolve_targets, warn_unknown, with_unknown
-
-GAP = "  "
 
 
 def main(options: argparse.Namespace) -> int:
@@ -34,14 +32,13 @@ def main(options: argparse.Namespace) -> int:
             f"{targets.folders[0]} is a system folder, and steps are chosen for robot files; "
             "`crosscheck run FOLDER --details` prints the steps of its motions"
         )
-    choices = []
+    choices = list[StepChoice]()
     with Workers(1, arguments.limits_of(options)) as workers:
         for file in targets.paths:
             names = options.engines or [one.name for one in engines_to_run(file.suffix)]
-            for name in names:
-                choices.append(_choice(workers, file, name, options))
+            choices += [_choice(workers, file, name, options) for name in names]
     if options.format == "json":
-        print(encoded(StepChoices(rows=tuple(choices)), indent=1))
+        print(msgspec.json.format(msgspec.json.encode({"rows": choices}), indent=1).decode())
     else:
         for file in targets.paths:
             _print_table(file, [one for one in choices if one.file == str(file)], options.error)
@@ -55,13 +52,8 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
     """Return the steps in one engine, in a worker, or why it has no numbers."""
     problem = missing(engines()[name]) if engines()[name].version() is None else ""
     if not problem:
-        task = partial(
-            choose_step,
-            engine=name,
-            target=options.error,
-            floating=options.floating,
-            model=options.model,
-        )
+        reading = {"floating": options.floating, "model": options.model}
+        task = partial(choose_step, engine=name, target=options.error, **reading)
         outcome = workers.outcome(workers.submit(task, file))
         if not isinstance(outcome, Failure):
             return outcome
@@ -71,25 +63,22 @@ def _choice(workers: Workers, file: Path, name: str, options: argparse.Namespace
 
 def _print_table(file: Path, choices: list[StepChoice], target: float) -> None:
     """Print a row per engine with numbers, then what is wrong, within 80 columns."""
-    head = ("engine", "dt", "error at dt", "largest stable dt", f"dt for {100 * target:g} %")
-    rows = [_cells(one) for one in choices if one.step is not None]
+    rows = [("engine", "dt", "error at dt", "largest stable dt", f"dt for {100 * target:g} %")]
+    for choice in choices:
+        error = "unknown" if choice.problem else "unstable"
+        if choice.step is not None:
+            rows.append((
+                choice.engine,
+                duration(choice.step),
+                error if choice.error is None else percent(choice.error),
+                "above 0.1 s" if choice.largest_stable is None else duration(choice.largest_stable),
+                "unknown" if choice.step_for is None else duration(choice.step_for),
+            ))  # fmt: skip
     print(f"{shown_path(str(file))}  smooth motion from rest, 1 s")
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    for row in (head, *rows) if rows else ():
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows if len(rows) > 1 else ():
         cells = (row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:]))
-        print(GAP + GAP.join(cells).rstrip())
+        print(f"  {'  '.join(cells)}".rstrip())
     for choice in choices:
         for text in filter(None, (choice.unstable, choice.problem)):
             print("\n".join(wrapped(f"  {choice.engine}: {text}", terminal().width)))
-    sys.stdout.flush()
-
-
-def _cells(choice: StepChoice) -> tuple[str, ...]:
-    stable = choice.largest_stable
-    return (
-        choice.engine,
-        duration(choice.step or 0.0),
-        "unstable" if choice.error is None else percent(choice.error),
-        "above 0.1 s" if stable is None else duration(stable),
-        "unknown" if choice.step_for is None else duration(choice.step_for),
-    )

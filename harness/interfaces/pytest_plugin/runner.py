@@ -86,8 +86,12 @@ def run_settings(config: pytest.Config) -> Options:
 
 def code_filter(config: pytest.Config) -> CodeFilter:
     """Return the codes that the project's table selects and ignores; errors as of `setting_of`."""
+    return CodeFilter(**_of_project(config, "select", "ignore"))
+
+
+def _of_project(config: pytest.Config, *names: str) -> dict[str, Any]:
     try:
-        return CodeFilter(**project_settings(config.rootpath, ("select", "ignore")))
+        return project_settings(config.rootpath, names)
     except SettingsError as error:
         raise pytest.UsageError(str(error)) from None
 
@@ -102,10 +106,7 @@ def setting_of(config: pytest.Config, name: str) -> object:
         return given
     stated = config.getini(f"crosscheck_{name}")
     if stated is None:
-        try:
-            return project_settings(config.rootpath, (name,)).get(name)
-        except SettingsError as error:
-            raise pytest.UsageError(str(error)) from None
+        return _of_project(config, name).get(name)
     switch = {"true": True, "1": True, "false": None, "0": None, "": None}
     return switch.get(str(stated).lower(), stated)
 
@@ -159,12 +160,10 @@ class CaseRunner:
 
     def _filtered(self, case: Case, target: Path, model: Sidecar | Path) -> Case:
         """Return a case, marked as accepted if the project ignores its codes."""
-        codes, record = self._codes, None
+        codes, diagnosis = self._codes, None
         if case.outcome is Outcome.DIFFERS and (codes.select or codes.ignore):
-            names = {name: getattr(case, name) for name in ("system", "model", "engine", "folder")}
             diagnosis = self.diagnosis(target, model, case.engine)
-            record = Model(**names, text="", sidecar="", diagnosis=diagnosis)
-        return codes.case(case, record)
+        return codes.case(case, diagnosis)
 
     def _options(self, target: Path) -> dict[str, Any]:
         """Return the options with which a robot file was accepted; empty for a folder."""
@@ -268,9 +267,7 @@ class CaseRunner:
 
     def marked(self, model: Model, target: Path) -> Model:
         """Return a model with the reason for accepting its audit findings, if there is one."""
-        if model.audit is not None:
-            kept = self._codes.reported(model.audit, model.folder)
-            model = structs.replace(model, audit=tuple(kept))
+        model = self._codes.model(model)
         before = self._before(target) if model.findings else None
         return mark_models((model,), before)[0]
 
@@ -288,12 +285,9 @@ class CaseRunner:
         """Diagnose a model once from its motions in every scenario."""
         key = model_path(model), engine
         if key not in self._diagnoses:
-            preparation = self.prepared(target)
-            value: Diagnosis | Failure = (
-                preparation
-                if isinstance(preparation, Failure)
-                else (self._do(preparation, model, engine, DIAGNOSIS))
-            )
+            value: Any = self.prepared(target)
+            if isinstance(value, Preparation):
+                value = self._do(value, model, engine, DIAGNOSIS)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value

@@ -27,6 +27,7 @@ from physics_crosscheck.harness.results.headline import headline, is_single_file
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import (
+    LEAST,
     counted,
     duration,
     listed,
@@ -563,6 +564,10 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
         coarse = sum(error > OFF for error, _ in errors)
         worst = max(errors, key=lambda one: one[0])[1]
         assert worst.time_step is not None
+        if not coarse:
+            off = percent(max(LEAST, *(error for error, _ in errors)))
+            every = "both" if len(errors) == 2 else f"all {len(errors)}"
+            return [f"time step: at most {off} off in {every} cases"]
         number = f"{coarse} of {counted(len(errors), 'case')}"
         return [
             f"time step: more than {percent(OFF)} off in {number}; worst: {worst.id},"
