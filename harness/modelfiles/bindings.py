@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from decimal import Decimal
@@ -23,6 +22,7 @@ import sympy as sp
 from physics_crosscheck.harness.documents.elements import Number, replace_numbers
 from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.reading import apply_edits
+from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
 from physics_crosscheck.reference.mechanism.system import System
 from .expressions import parse
@@ -227,8 +227,8 @@ def rewrite(sidecar: Sidecar, literals: Mapping[str, float]) -> None:
     """
     for file, data in _replaced(sidecar, literals).items():
         if data != file.read_bytes():
-            # For a link, write the file that it points to.
-            _write_whole(file.resolve(), data)
+            write_whole(file, data)
+            _forget_bytecode(file.resolve())
 
 
 def _file(sidecar: Sidecar) -> Path:
@@ -322,21 +322,6 @@ def _unlink_folders(into: Path, below: Path) -> None:
             folder.mkdir()
             for entry in real.iterdir():
                 (folder / entry.name).symlink_to(entry)
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file atomically: a temporary file in its folder, then a rename."""
-    mode = path.stat().st_mode & 0o7777 if path.is_file() else 0o644
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.chmod(temporary, mode)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
-    _forget_bytecode(path)
 
 
 def _write_copy(path: Path, data: bytes) -> None:

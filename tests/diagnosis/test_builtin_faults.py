@@ -82,5 +82,5 @@ def test_run_exits_1_for_a_wrong_literal_without_effect_on_motion(
     path.write_text(re.sub(r'diaginertia="[\d. ]+"', 'diaginertia="0.03 0.03 0.03"', text))
     run = crosscheck("run", path.parent, "--engine", "mujoco", "-k", "free", cwd=tmp_path)
     assert run.returncode == 1
-    assert " 2 ok" in run.stdout.splitlines()[0]
+    assert " 2 ok" in run.stdout.splitlines()[1]
     assert "mujoco.xml:" in run.stdout

@@ -130,7 +130,7 @@ def fix(model_audits: Iterable[ModelAudit]) -> bool:
             print(f"crosscheck: {file} has changed since it was read; not fixed", file=sys.stderr)
             continue
         after = apply_edits(before, ((*span, new.encode()) for span, (_, new) in spans.items()))
-        write_whole(Path(file), after.decode())
+        write_whole(Path(file), after)
         old_rows, new_rows = (text.decode().splitlines() for text in (before, after))
         for row in unified_diff(old_rows, new_rows, name, name, n=0, lineterm=""):
             print(visible(row))

@@ -227,16 +227,8 @@ def _is_stated(compared: Compared) -> bool:
 def _print_brief(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print the verdict, what got lost or changed from A to B, and the motions' difference."""
     motions = _print_outcome(console, comparison, compared)
-    rows = () if compared.rounding is not None else compared.properties
-    moving, others = [one for one in rows if one.moves], [one for one in rows if not one.moves]
-    laws = () if compared.rounding is not None else compared.laws or ()
-    lines = [*_folded_rows(moving), *law_lines(laws), *_folded_rows(others)]
-    if len(lines) > 1:
-        console.print("lost or changed from A to B, by the files")
-        for line in lines[:MAX_BRIEF]:
-            print_text(console, f"  {line}")
-        if len(lines) > MAX_BRIEF:
-            console.print(f"  and {len(lines) - MAX_BRIEF} more; --details lists them")
+    if compared.rounding is None:
+        _print_stated(console, comparison, compared)
     for line in motions[:1]:
         print_text(console, line.strip())
     ok = [model for model in comparison.models if model.case and model.case.passes]
@@ -251,6 +243,24 @@ def _print_brief(console: Console, comparison: ComparisonResult, compared: Compa
             print_text(console, note, "dim")
     if line := _not_compared(compared):
         print_text(console, line)
+
+
+def _print_stated(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
+    """Print the differences of the files, and what they act as; of a single one its texts."""
+    moving = [one for one in compared.properties if one.moves]
+    others = [one for one in compared.properties if not one.moves]
+    lines = [*_folded_rows(moving), *law_lines(compared.laws or ()), *_folded_rows(others)]
+    if len(lines) > 1:
+        console.print("lost or changed from A to B, by the files")
+        for line in lines[:MAX_BRIEF]:
+            print_text(console, f"  {line}")
+        if len(lines) > MAX_BRIEF:
+            console.print(f"  and {len(lines) - MAX_BRIEF} more; --details lists them")
+    elif compared.decisive is None:
+        if not lines:
+            _print_terms(console, comparison, compared)
+        _print_differences(console, comparison.outcome, _without_laws(compared))
+    _print_acting(console, compared)
 
 
 def _print_own_files(console: Console, comparison: ComparisonResult) -> None:
