@@ -26,10 +26,9 @@ from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.poses import FramePose, Poses
 from physics_crosscheck.harness.render.html import overview
 from physics_crosscheck.harness.results.coverage import coverage_line, coverage_lines, unread_line
-from physics_crosscheck.harness.results.headline import headline
 from physics_crosscheck.records import AuditFinding, Model
 from tests.poses.arm import SWING
-from tests.records.made import case, results
+from tests.records.made import case, printed, results
 
 MJCF = """<mujoco><option timestep="0.002" gravity="0 0 0"/><visual><global fovy="30"/></visual>
 <worldbody><light pos="0 0 3"/>
@@ -249,4 +248,4 @@ def test_unread_names_are_one_line_and_misspelled_ones_findings(
     shown = wrong[0].message if wrong else unread_line([model(audit=findings)])
     assert shown.endswith(expected) or (wrong and expected in shown)
     run = results(case(folder="f", model="a.xml"), models=(model(audit=tuple(wrong)),))
-    assert not re.search(r"[.?]\.", " ".join(headline(run)))
+    assert not re.search(r"[.?]\.", printed(run, 200))

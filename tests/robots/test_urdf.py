@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_system, summary
+from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_system
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, left_out, link, read, read_text, tree_of
@@ -185,7 +185,7 @@ def test_root_is_free_on_legs_or_wheels(
     robot = read(tmp_path, *lines, floating=None)
     assert robot.floats == free
     words = {True: "root free", False: "root held" if all(root) else "kg"}
-    assert summary(robot).endswith(words[free])
+    assert robot_system(robot).title.endswith(words[free])
     assert not read(tmp_path, *lines, floating=False).floats
 
 
