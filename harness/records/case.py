@@ -267,7 +267,7 @@ class TimeStep(Record, frozen=True, kw_only=True):
         step: Time step of the file or its sidecar, seconds.
         duration: Length of the smooth motion, seconds; None without one.
         error: Its largest error, relative to the amplitude; None if it blows up.
-        order: Exponent of the step in the error; 0 if no time step that was run follows the motion.
+        order: Exponent of the step in the error; 0 if no step follows the motion.
         steps_for: Predicted steps for errors of 1 %, 0.1 % and 0.01 %.
         growth: Growth of a small deviation in a step; None if none grows unlike the equations.
         joint: Coordinate that takes part most in what grows; empty without growth.
