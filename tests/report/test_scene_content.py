@@ -147,7 +147,7 @@ def test_meshes_inertias_and_forces_are_drawn(arm_tab: Tab, arm: tuple[Path, Res
     assert text == "The engine has another inertia of arm (mass 1.5 kg instead of 1)."
     # The worst state is the whole step: both robots, and a mark at each contact.
     arm_tab.run(WORST_STATE)
-    arm_tab.until(f"{BOX}.viewer.acting")
+    arm_tab.run(f"{BOX}.viewer.draw()")  # now, and not before the next frame
     assert len(arm_tab.run(f"{BOX}.viewer.poses()")) == 2
     assert f"{len(acting.contacts)} contact" in arm_tab.run(
         f"{BOX}.querySelector('.acting').textContent"
