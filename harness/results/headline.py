@@ -41,7 +41,8 @@ def headline(results: Results) -> list[str]:
         sentences = [_issue_sentence(one, results) for one in issues] + _faults(results, issues)
         sentences += _followers(results, sentences)
     else:
-        sentences = _of_files(results, issues, len(files))
+        sentences = _faults(results, issues, several=True)
+        sentences = [*_of_files(results, issues, 0 if sentences else len(files)), *sentences]
     return [one if one.endswith("?") else f"{one}." for one in sentences]
 
 
@@ -54,12 +55,9 @@ def _issue_sentence(issue: Issue, results: Results) -> str:
     case, cases = issue.worst, (issue.worst, *issue.others)
     if case.engine == "-":
         return case.reason.rstrip(".")
-    if case.outcome is not Outcome.DIFFERS:
-        return _of_files(results, [issue], 1)[0]
     keys = {one.key for one in cases}
-    models = [one for one in results.models if one.key in keys]
-    groups = explained_alike(models)
-    if not (groups or difference(case)):
+    groups = explained_alike(one for one in results.models if one.key in keys)
+    if case.outcome is not Outcome.DIFFERS or not (groups or difference(case)):
         return _of_files(results, [issue], 1)[0]
     if not groups:
         return f"{_file(case)} in {_titles(case.engine for case in cases)}: {difference(case)}"
@@ -86,11 +84,13 @@ def _explained(models: Sequence[Model], cases: Sequence[Case]) -> str:
     return f"{_file(case)} in {engine_titles}: {brief_cause(cause)}; {effect}"
 
 
-def _faults(results: Results, issues: Sequence[Issue]) -> list[str]:
-    """Return the first fault that the audit finds in a file whose motion shows none."""
-    if any(one.worst.outcome is Outcome.DIFFERS for one in issues):
-        return []
-    faulty = [one for one in results.models if one.findings and not one.accepted]
+def _faults(results: Results, issues: Sequence[Issue], *, several: bool = False) -> list[str]:
+    """Return what the audit finds in files whose motions show none: one fault, or several files."""
+    differing = {one.worst.folder for one in issues if one.worst.outcome is Outcome.DIFFERS}
+    models = [one for one in results.models if one.findings and not one.accepted]
+    faulty = [one for one in models if one.folder not in differing]
+    if several and faulty:
+        return [f"The audit finds faults in {listed([*dict.fromkeys(map(_file, faulty))], NAMED)}"]
     return [f"{_file(faulty[0])}: {faulty[0].findings[0].message}"] if faulty else []
 
 
@@ -103,7 +103,14 @@ def _followers(results: Results, problems: Sequence[str]) -> list[str]:
         return []
     verb = "follows" if len({case.engine for case in alike}) == 1 else "follow"
     what = "the file" if problems else _file(alike[0])
+    what = f"the poses of {what}" if all(map(by_poses, alike)) else what
     return [f"{_titles(case.engine for case in alike)} {verb} {what}{_to(alike)}"]
+
+
+def by_poses(case: Case) -> bool:
+    """Return whether a case agrees by its poses, since its file has no inertias."""
+    verdict = case.verdict
+    return case.outcome is Outcome.AGREES and verdict is not None and verdict.decided_by == "poses"
 
 
 _VERBS = {
@@ -125,7 +132,7 @@ def _of_files(results: Results, issues: Sequence[Issue], count: int) -> list[str
     alike: dict[tuple[tuple[str, str], str], list[str]] = {}
     for (engine, verbs), files in amiss.items():
         alike.setdefault((verbs, listed([*files], NAMED)), []).append(engine)
-    if not alike:
+    if count and not alike:
         return [f"Every engine follows all {count} files{_to(results.cases)}"]
     sentences = []
     for (verbs, which), names in alike.items():

@@ -239,6 +239,7 @@ OUTPUTS = {
     "every outcome": mixed_outcomes(),
     "within the engine's own": results(case(), WITHIN),
     "a fault without effect on motions": results(*BOTH, models=(FAULTY,)),
+    "a fault in one of several files": results(*BOTH, case(model="b.xml"), models=(FAULTY,)),
     "a missing engine": missing_engine(),
     "problems come worst first": worst_first(),
     "no cause, but findings": vague_cause(0.07, audited=True),

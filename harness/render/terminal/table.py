@@ -23,7 +23,7 @@ from physics_crosscheck.harness.results.coverage import (
     unread_line,
 )
 from physics_crosscheck.harness.results.failure import acting_texts, advice_lines
-from physics_crosscheck.harness.results.headline import headline, is_single_file
+from physics_crosscheck.harness.results.headline import by_poses, headline, is_single_file
 from physics_crosscheck.harness.results.messages import explain_hint, with_code
 from physics_crosscheck.harness.results.places import shown_path
 from physics_crosscheck.harness.results.status import (
@@ -71,8 +71,8 @@ def print_results(
     """
     several = len({case.folder for case in results.cases}) > 1
     if not quiet:
-        if any(case.engine != "-" for case in results.cases):
-            print_wrapped(console, " ".join(headline(results)))
+        if (first := headline(results)) and any(case.engine != "-" for case in results.cases):
+            print_wrapped(console, " ".join(first))
         _print_header(console, results)
         if several:
             print_matrix(console, results)
@@ -164,8 +164,8 @@ def _reservations(results: Results) -> list[str]:
         parts.append(f"{counted(accepted, 'difference')} accepted")
     if refused := len(results.refusals):
         parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
-    if by_poses := sum(map(_by_poses, results.cases)):
-        parts.append(f"{by_poses} by poses only")
+    if posed := sum(map(by_poses, results.cases)):
+        parts.append(f"{posed} by poses only")
     if results.stopped:
         parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
     if results.cached:
@@ -255,7 +255,7 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         digits = finite_values(one.digits for one in agreeing if not one.accepted)
         parts = [f"{min(digits):.1f} digits"] if digits else []
         parts += dict.fromkeys(one.accepted for one in agreeing if one.accepted)
-        parts += ["poses only"] if any(map(_by_poses, agreeing)) else []
+        parts += ["poses only"] if any(map(by_poses, agreeing)) else []
         if len(cases) > len(by_engine):
             parts.insert(0, f"{counted(len(agreeing), 'case'):<8}")
         if chaotic := sum(map(is_chaotic, agreeing)):
@@ -263,12 +263,6 @@ def _print_engines(console: Console, cases: Sequence[Case]) -> None:
         style, word = STYLES[Outcome.AGREES], WORDS[Outcome.AGREES]
         text = f"{engine:<{width}}  {'  '.join(parts)}"
         print_wrapped(console, text, lead=f"  {word:<5} ", style=style, indent=8)
-
-
-def _by_poses(case: Case) -> bool:
-    """Return whether a case agrees by its poses, since its file has no inertias."""
-    verdict = case.verdict
-    return case.outcome is Outcome.AGREES and verdict is not None and verdict.decided_by == "poses"
 
 
 def _print_notes(console: Console, results: Results, details: bool) -> None:
@@ -295,9 +289,9 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
     ]
     for line in lines:
         print_wrapped(console, line)
-    for reason in dict.fromkeys(case.reason for case in results.cases if _by_poses(case)):
+    for reason in dict.fromkeys(case.reason for case in results.cases if by_poses(case)):
         print_wrapped(console, reason)
-    agreeing = [c for c in results.cases if c.outcome is Outcome.AGREES and not _by_poses(c)]
+    agreeing = [c for c in results.cases if c.outcome is Outcome.AGREES and not by_poses(c)]
     if reserved := [case for case in agreeing if case.reason]:
         verb = _verb(len(reserved), "agrees", "agree")
         text = f"{counted(len(reserved), 'case')} {verb} with a reservation"
