@@ -331,11 +331,16 @@ class UsdStage:
             spec.default = _like(attribute.Get(), value)
         return layer
 
-    def set_type(self, path: str, name: str) -> None:
-        """Give a prim another type, in a layer over the file."""
+    def fix_joint(self, prim: Any) -> None:
+        """Fix a joint where its frames meet, in a layer over the file."""
         sdf = self.pxr.Sdf
-        spec = sdf.CreatePrimInLayer(self._session, path)
-        spec.specifier, spec.typeName = sdf.SpecifierDef, name
+        spec = sdf.CreatePrimInLayer(self._session, prim.GetPath())
+        spec.specifier, spec.typeName = sdf.SpecifierDef, "PhysicsFixedJoint"
+
+    def switch_off(self, joint: Any) -> None:
+        """Switch a joint off, in a layer over the file."""
+        with self.pxr.Usd.EditContext(self.stage, self._session):
+            self.pxr.UsdPhysics.Joint(joint).GetJointEnabledAttr().Set(False)
 
     def overlay(self, values: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
@@ -512,6 +517,11 @@ def stage_of(path: Path, settings: Mapping[str, object]) -> UsdStage:
     variants = settings.get("variants")
     chosen = variants if isinstance(variants, Mapping) else {}
     return UsdStage(path, chosen, allow_outside=bool(settings.get("allow_outside")))
+
+
+def is_outside(stage: UsdStage, joint: Any) -> bool:
+    """Return whether a joint is excluded from the articulation, as one that closes a loop."""
+    return bool(stage.value(joint, "physics:excludeFromArticulation", default=False))
 
 
 def overlay_path(path: Path) -> Path:

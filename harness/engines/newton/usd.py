@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
-from physics_crosscheck.harness.documents.usd import UsdStage, unique_tails
+from physics_crosscheck.harness.documents.usd import UsdStage, is_outside, unique_tails
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import EQUALITIES, equal_joints
 from physics_crosscheck.harness.engines.newton.reading import (
@@ -34,7 +34,11 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
         units = f"metersPerUnit {stage.unit:g} and kilogramsPerUnit {stage.mass_unit:g}"
         raise EngineError(f"{spec.path}: Newton converts no units; it has {units}, expected 1")
     joints = _names(stage, stage.pxr.UsdPhysics.Joint)
-    _hold(stage, [path for path, name in joints.items() if name in held_joints(spec)])
+    for prim in [stage.stage.GetPrimAtPath(path) for path in joints]:
+        if settings["smooth"] and is_outside(stage, prim):
+            stage.switch_off(prim)
+        elif joints[str(prim.GetPath())] in held_joints(spec):
+            stage.fix_joint(prim)
     builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
     import newton
 
@@ -81,9 +85,3 @@ def _names(stage: UsdStage, kind: Any) -> dict[str, str]:
     prims = [one for one in stage.prims if (one.IsA(kind) if kind else one.HasAPI(rigid))]
     paths = [str(one.GetPath()) for one in prims]
     return dict(zip(paths, unique_tails(paths), strict=True))
-
-
-def _hold(stage: UsdStage, paths: list[str]) -> None:
-    """Fix joints where their frames meet, in a layer over the file."""
-    for path in paths:
-        stage.set_type(path, "PhysicsFixedJoint")
