@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -42,7 +44,7 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
     import newton
 
-    with collect_warnings(messages):
+    with collect_warnings(messages), redirect_stdout(io.StringIO()):  # it prints notes
         builder.add_usd(
             stage.stage,
             schema_resolvers=[newton.usd.SchemaResolverNewton()],
@@ -68,7 +70,14 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     with collect_warnings(messages):
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
-    corrected = correct_inertias(builder, messages) if settings["corrected_inertias"] else ()
+    corrected: list[str] = []
+    for i, label in enumerate(builder.body_label):
+        if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(builder.body_inertia[i]):
+            corrected += [bodies[label]] if settings["corrected_inertias"] else []
+            scale = 1.0 if settings["corrected_inertias"] else 0.0
+            builder.body_inertia[i] = type(builder.body_inertia[i])(scale * builder.body_inertia[i])
+    if settings["corrected_inertias"]:
+        corrected += correct_inertias(builder, messages)
     return ParsedModel(
         builder=builder,
         layout=layout,
@@ -77,6 +86,16 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
         corrected=corrected,
         messages=messages,
     )
+
+
+def _is_point(stage: UsdStage, body: Any) -> bool:
+    """Return whether a body has no moments, for which Newton takes those of a ball."""
+    if (six := stage.stated(body, "newton:inertia")) is not None:
+        return not np.any(six)
+    usd, shape = stage.pxr.Usd, stage.pxr.UsdPhysics.CollisionAPI
+    below = usd.PrimRange(body, usd.TraverseInstanceProxies())
+    moments = stage.value(body, "physics:diagonalInertia", (0.0,) * 3)
+    return not np.any(moments) and not any(prim.HasAPI(shape) for prim in below)
 
 
 def _names(stage: UsdStage, kind: Any) -> dict[str, str]:
