@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -44,7 +42,7 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
     import newton
 
-    with collect_warnings(messages), redirect_stdout(io.StringIO()):  # it prints notes
+    with collect_warnings(messages):
         builder.add_usd(
             stage.stage,
             schema_resolvers=[newton.usd.SchemaResolverNewton()],
@@ -56,26 +54,12 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     followers = followers_of(settings, f"{spec.path}.toml")
     if settings["smooth"]:
         without_limit_forces(builder)
-    bodies = _names(stage, None)
-    names = []
-    for label, child, (lines, turns) in zip(
-        builder.joint_label, builder.joint_child, builder.joint_dof_dim, strict=True
-    ):
-        name = joints.get(label) or free_name(bodies[builder.body_label[child]], joints.values())
-        if lines + turns > 1 and (lines, turns) not in ((3, 3), (0, 3)):
-            raise EngineError(f"{spec.path}: joint {name!r} has several axes")
-        names.append([name][: lines + turns])
-    layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
+    layout = Layout(builder, _joint_names(stage, builder, joints), np.zeros(len(builder.joint_qd)))
     lost: dict[str, Mapping[str, object]] = {}
     with collect_warnings(messages):
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
-    corrected: list[str] = []
-    for i, label in enumerate(builder.body_label):
-        if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(builder.body_inertia[i]):
-            corrected += [bodies[label]] if settings["corrected_inertias"] else []
-            scale = 1.0 if settings["corrected_inertias"] else 0.0
-            builder.body_inertia[i] = type(builder.body_inertia[i])(scale * builder.body_inertia[i])
+    corrected = _point_bodies(stage, builder, keep=bool(settings["corrected_inertias"]))
     if settings["corrected_inertias"]:
         corrected += correct_inertias(builder, messages)
     return ParsedModel(
@@ -86,6 +70,33 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
         corrected=corrected,
         messages=messages,
     )
+
+
+def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> list[list[str]]:
+    """Return the names of the coordinates of each of Newton's joints: one if it moves.
+
+    Raises:
+        EngineError: for a joint of several axes.
+    """
+    bodies, names = _names(stage, None), []
+    rows = zip(builder.joint_label, builder.joint_child, builder.joint_dof_dim, strict=True)
+    for label, child, (lines, turns) in rows:
+        name = joints.get(label) or free_name(bodies[builder.body_label[child]], joints.values())
+        if lines + turns > 1 and (lines, turns) not in ((3, 3), (0, 3)):
+            raise EngineError(f"{stage.path}: Newton gives joint {name!r} several axes")
+        names.append([name][: lines + turns])
+    return names
+
+
+def _point_bodies(stage: UsdStage, builder: Any, *, keep: bool) -> list[str]:
+    """Return bodies without moments, for which Newton invents some; remove those unless `keep`."""
+    names = []
+    for i, label in enumerate(builder.body_label):
+        tensor = builder.body_inertia[i]
+        if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(tensor):
+            names += [label.rpartition("/")[2]] if keep else []
+            builder.body_inertia[i] = tensor if keep else type(tensor)(0.0)
+    return names
 
 
 def _is_point(stage: UsdStage, body: Any) -> bool:
