@@ -56,7 +56,7 @@ _TOKEN = re.compile(
     rb"|(?P<property>[A-Za-z_][\w:.]*)(?=[ \t]*(?:=|\(|\r?$))",
     re.DOTALL | re.MULTILINE,
 )
-_SYNTAX = re.compile(r"'(?P<file>[^'\n]+?):(?P<line>\d+):\d+: (?P<sentence>[^\n]*?)'?\s*$")
+_SYNTAX = re.compile(r"'(?P<file>[^'\n]+):(?P<line>\d+):\d+: (?P<sentence>[^\n]*)")
 
 
 def import_usd(file: Path) -> Any:
@@ -133,9 +133,9 @@ class UsdStage:
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
-    def _select(self, variants: Mapping[str, str]) -> Mapping[str, str]:
-        """Select variants, and return the selection of all sets by prim and name."""
-        chosen: dict[str, str] = {}
+    def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
+        """Select variants, and return the selection of all sets, such as `size=large`."""
+        chosen: dict[str, None] = {}
         unused = dict(variants)
         for prim in self._traversed():
             sets = prim.GetVariantSets()
@@ -152,12 +152,13 @@ class UsdStage:
                     with self.pxr.Usd.EditContext(self.stage, self._session):
                         variant_set.SetVariantSelection(variants[name])
                     unused.pop(name, None)
-                chosen[f"{prim.GetPath()}{{{name}}}"] = variant_set.GetVariantSelection()
+                if selected := variant_set.GetVariantSelection():
+                    chosen[f"{name}={selected}"] = None
         if unused:
             raise LocationError(
                 f"it has no variant set {quote(next(iter(unused)))}", file=self.path
             )
-        return chosen
+        return tuple(chosen)
 
     def _traversed(self) -> list[Any]:
         usd = self.pxr.Usd
@@ -410,9 +411,10 @@ def _one_line(error: object) -> str:
 
 def _unreadable(path: Path, message: str) -> LocationError:
     """Return the error of a layer that OpenUSD can't read, with its line."""
-    syntax = _SYNTAX.search(message.strip())
+    syntax = _SYNTAX.search(message)
     if syntax is None:
-        return LocationError(f"not a USD layer: {_one_line(message)}", file=path)
+        problem = message.rpartition(" : '")[2].strip("'\n ")
+        return LocationError(f"not a USD layer: {_one_line(problem)}", file=path)
     error = LocationError(
         f"not a USD layer: {syntax['sentence']}",
         file=Path(syntax["file"]),
