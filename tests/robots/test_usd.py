@@ -41,10 +41,9 @@ mass="0.75" diaginertia="0.0035 0.003 0.001"/>
 def test_it_equals_the_same_arm_as_an_mjcf(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(MJCF)
     robot = read_usd(tmp_path)
-    for mine, its in zip(
-        mechanics(robot), mechanics(read_robot(tmp_path / "arm.xml")), strict=True
-    ):
-        assert mine == pytest.approx(there, rel=1e-6, abs=1e-7)
+    expected = mechanics(read_robot(tmp_path / "arm.xml"))
+    for mine, its in zip(mechanics(robot), expected, strict=True):
+        assert mine == pytest.approx(its, rel=1e-6, abs=1e-7)
     assert left_out(robot) == {"limits of position": ("shoulder",)}
     assert robot.limits[0][0] == pytest.approx(-math.pi / 2)
 
