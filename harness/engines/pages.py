@@ -4,8 +4,6 @@
 markers and keeps the text around them. A test fails if they are not current.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path

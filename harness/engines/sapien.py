@@ -5,8 +5,6 @@ inertial with zero mass or moments. Settings control these effects. Shapes are l
 those that give a link its mass, without contacts. Visual shapes would require a display.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """A robot from its file: a tree of bodies, and the parts of the file that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Comparison of two models, without equations."""
 
-from __future__ import annotations
-
 import msgspec
 
 from .base import Number, Numbers, Record, SourceLine

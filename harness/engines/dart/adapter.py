@@ -7,8 +7,6 @@ collide bodies of one skeleton. It reads joint limits but enforces them only aft
 A DART skeleton in a world, with the harness's coordinates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An MJCF, or a URDF for MuJoCo, before compilation: stated values and their places."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """`crosscheck audit`: literals, compiled terms and engine defaults, without motion."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence

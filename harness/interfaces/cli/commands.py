@@ -3,8 +3,6 @@
 This module imports only what parsing needs, so help and completion load no sympy and no engine.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Iterable, Mapping
