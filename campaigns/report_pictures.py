@@ -22,7 +22,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from tests.report.chromium import running
+from tests.report.chromium import CHROMIUM, running
 
 VIEWS = {
     "overview.png": ("", 1280, 800),
@@ -73,7 +73,9 @@ def frames(report: Path) -> Iterator[Image.Image]:
 
 
 def write_pictures(reports: Mapping[Path, Path]) -> None:
-    """Write a small picture of the robot of each report, as drawn, with one browser."""
+    """Write a small picture of the robot of each report, as drawn, if a browser is installed."""
+    if not reports or CHROMIUM is None:
+        return
     with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
         for report, path in reports.items():
             with browser.tab() as tab:

@@ -8,10 +8,12 @@ and engines: an interrupted run continues, and other versions run again.
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -71,7 +73,7 @@ def is_current(done: Done | None) -> bool:
     return done is not None and all(now.get(name) == one for name, one in done.versions.items())
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> None:
     """Run the robots that have no current result, and write the site."""
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("name", nargs="*", help="part of a robot's title [all robots]")
@@ -81,8 +83,9 @@ def main() -> None:
     parser.add_argument("--source", default=SOURCE, help=f"address of repositories [{SOURCE}]")
     parser.add_argument("--robots", type=Path, default=ROBOTS, help="table of robots")
     parser.add_argument("--pages-only", action="store_true", help="run nothing")
-    parser.add_argument("--jobs", default="0", help="worker processes [one per processor]")
-    options = parser.parse_args()
+    jobs = str(os.cpu_count() or 1)
+    parser.add_argument("--jobs", default=jobs, help="worker processes [one per processor]")
+    options = parser.parse_args(words)
     entries, clones = [], options.clones.resolve()
     for files in robot_files(options.name, options.robots):
         first: Path | None = None

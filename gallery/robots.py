@@ -67,12 +67,10 @@ class RobotFile:
         folder = clones / self.owner / self.repository
         if not folder.exists():
             _git(folder.parent, "init", "--quiet", folder.name)
+            _git(folder, "remote", "add", "origin", self.source(pattern))
             _git(folder, "sparse-checkout", "init", "--cone")
         if _git(folder, "cat-file", "-e", self.commit, check=False):
-            fetch = ("fetch", "--quiet", "--depth", "1", "--filter=blob:none")
-            _git(folder, *fetch, self.source(pattern), self.commit)
-            _git(folder, "config", "remote.origin.url", self.source(pattern))
-            _git(folder, "config", "remote.origin.promisor", "true")
+            _git(folder, "fetch", "--depth", "1", "--filter=blob:none", "origin", self.commit)
         place = Path(*Path(self.path).parts[:-1][:_DEPTH])
         _git(folder, "sparse-checkout", "add", str(place), check=False)
         _git(folder, "checkout", "--quiet", self.commit, check=False)
@@ -86,10 +84,13 @@ _DEPTH = 2
 
 
 def _git(folder: Path, *arguments: str, check: bool = True) -> int:
+    """Run git quietly, and return its exit code; with `check`, print the errors of a failure."""
     folder.mkdir(parents=True, exist_ok=True)
-    return subprocess.run(
-        ["git", *arguments], cwd=folder, check=check, stderr=None if check else subprocess.DEVNULL
-    ).returncode
+    done = subprocess.run(["git", *arguments], cwd=folder, check=False, capture_output=True)
+    if check and done.returncode:
+        print(done.stderr.decode(errors="replace"), end="", flush=True)
+        done.check_returncode()
+    return done.returncode
 
 
 def robot_files(names: Collection[str] = (), listing: Path = ROBOTS) -> Iterator[list[RobotFile]]:

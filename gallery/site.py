@@ -73,6 +73,12 @@ class Cell(Record, frozen=True, kw_only=True):
     page: str
 
 
+class Cells(Record, frozen=True, kw_only=True):
+    """All cells, as in `gallery.json`."""
+
+    cells: tuple[Cell, ...]
+
+
 class Entry(Record, frozen=True, kw_only=True):
     """A robot's file with its run."""
 
@@ -247,9 +253,9 @@ def _inlined(folder: Path) -> str:
 
 def _write_cells(site: Path, cells: Sequence[Cell]) -> None:
     path = site / "gallery.json"
-    before = msgspec.json.decode(path.read_bytes(), type=list[Cell]) if path.exists() else []
+    before = msgspec.json.decode(path.read_bytes(), type=Cells).cells if path.exists() else ()
     write_whole(site / "changes.txt", "".join(f"{one}\n" for one in changes(cells, before)))
-    write_whole(path, encoded(list(cells)))
+    write_whole(path, encoded(Cells(cells=tuple(cells))))
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(Cell.__struct_fields__)
