@@ -37,9 +37,13 @@ def test_ignored_difference_passes_and_is_counted(
 
 
 def test_comments_of_a_file_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.xml").write_text("<mujoco/>\n" * 9)
-    opened = []
-    monkeypatch.setattr(ignored, "read_regular", lambda path: opened.append(path) or b"\n" * 9)
+    opened = list[Path]()
+
+    def read(path: Path) -> bytes:
+        opened.append(path)
+        return b"\n" * 9
+
+    monkeypatch.setattr(ignored, "read_regular", read)
     findings = [finding(location=SourceLine(file="a.xml", line=line)) for line in range(1, 9)]
     assert CodeFilter().reported(findings, str(tmp_path)) == findings
     assert len(opened) == 1
