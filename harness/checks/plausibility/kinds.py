@@ -326,11 +326,12 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[
     limit = max(MIN_OUTSIDE, OUTSIDE_SHARE * hull.diagonal)
     if distance > limit:
         frame = body.frames[body.name]
+        middle, unit = frame.rotation.T @ (hull.center - frame.origin), 1e-4 * hull.diagonal
         message = (
             f"the center of mass of {body.link} is {1e3 * distance:.3g} mm outside its "
             f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
-            f"{vector_text(frame.rotation.T @ (hull.center - frame.origin))}. Check the origin of "
-            "its inertia, and the places of its shapes"
+            f"{vector_text(np.round(middle / unit) * unit)}. Check the origin of its inertia, "
+            "and the places of its shapes"
         )
         yield facts.advice("center outside", body.name, message, 0.0, distance, distance / limit)
 
