@@ -134,7 +134,7 @@ DYNAMICS = '<dynamics damping="0.1"/>'
     ("mujoco", "FORM", '<mesh filename="no.stl"/>', "mesh 'no.stl' does not exist in"),
     ("pybullet", "FORM", '<mesh filename="no.stl"/>', "mesh 'no.stl' does not exist in"),
     ("mujoco", "FORM", '<mesh filename="bad.stl"/>', "mesh 'bad.stl' can't be read; convert it"),
-    ("mujoco", "FORM", '<sphere radius="1m"/>', "radius '1m' of <sphere> is not a positive"),
+    ("mujoco", "FORM", '<sphere radius="1m"/>', "radius '1m' of <sphere> is not positive"),
 ])  # fmt: skip
 def test_refusal_begins_with_a_reason_and_a_line(
     engine: str, old: str, new: str, reason: str, tmp_path: Path

@@ -70,12 +70,7 @@ def print_properties(
 
 
 def law_lines(rows: Sequence[ComparedProperty], *, is_short: bool = False) -> list[str]:
-    """Return a line per number of the laws that differs; equal ones share one.
-
-    Args:
-        rows: to print.
-        is_short: whether to leave out the size of an effect, and to name the files A and B.
-    """
+    """Return a line per number of the laws that differs, if not short with its effect."""
     alike: dict[tuple[str, str], list[ComparedProperty]] = {}
     for row in rows:
         head, _, tail = row.message.partition(f" of {row.about}: ")
@@ -122,13 +117,7 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
 def _folded_rows(
     rows: Sequence[ComparedProperty], others: Sequence[str] = (), *, is_short: bool = False
 ) -> list[str]:
-    """Return a line per difference; equal ones of several joints and minor ones share a line.
-
-    Args:
-        rows: to print.
-        others: lines to insert before that of the minor ones.
-        is_short: whether to name the files A and B.
-    """
+    """Return a line per difference, then other lines; equal and minor ones share a line."""
     minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
     alike: dict[tuple[str, str], list[str]] = {}
     for row in rows:
