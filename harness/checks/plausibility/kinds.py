@@ -86,6 +86,9 @@ DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
 
+FAR_TRAVEL = 50.0
+"""Range of a slide between massive links, in extents of the robot, that is in millimetres."""
+
 SMALLEST_BALL = 4e-7 * np.eye(3)
 """Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
 
@@ -284,6 +287,24 @@ def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
             "implausible limit", (name, quantity), message, expected, actual, actual / expected,
             line=line,
         )  # fmt: skip
+
+
+def travel_in_millimetres(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield ranges of slides between links with mass that are far longer than the robot."""
+    extent, massive = facts.extent, {one.name for one in facts.robot.parts if one.inertia.mass}
+    for link in facts.links:
+        for joint in link.joints if link.parent in massive else ():
+            if joint.kind != "slide" or joint.limits is None:
+                continue
+            low, high = joint.limits
+            in_metres = 1e-3 * (high - low)
+            if FAR_TRAVEL * extent < high - low and in_metres < extent:
+                message = f"joint {quote(joint.name)} has limits of {low:g} and {high:g} m in a"
+                message += f" robot of {extent:.2g} m: as millimetres they fit. Write metres"
+                yield facts.advice(
+                    "implausible limit", (joint.name, "range"), message, in_metres, high - low,
+                    1e3, line=facts.line("joint", joint.name, "limit"),
+                )  # fmt: skip
 
 
 def _radians(facts: RobotFacts) -> Iterator[tuple[str, float]]:
@@ -556,6 +577,7 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     one_density,
     default_density,
     limits_in_degrees,
+    travel_in_millimetres,
     weak_drives,
     damping_ratios,
     negative_limits,
