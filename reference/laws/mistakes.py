@@ -58,8 +58,7 @@ _MIXING = {
 }
 
 _SLIDING = (
-    "a wrong dJ/dt v of an equality, in which a ball joint moves with the slides after it in its "
-    "body,"
+    "a wrong dJ/dt v of an equality that moves with a ball joint and slides after it in its body"
 )
 
 _UNITS = (
