@@ -50,7 +50,7 @@ LOADERS = {
     "drake": (
         "sdf",
         "from pydrake.all import MultibodyPlant, Parser; plant = MultibodyPlant(0.001);"
-        " Parser(plant).AddModels(f)",
+        " Parser(plant).AddModels(f); plant.Finalize()",
     ),
     "dart": (
         "sdf",
@@ -86,6 +86,7 @@ class DrawnFile(Record, frozen=True, kw_only=True):
         reasons: `outcome engine code: reason` of each case that does not agree, and its causes.
         loading: engines that load the file by themselves.
         mass: difference of the reference's mass matrix from an independent one; None without one.
+        is_static: whether its outcome is that nothing moves.
     """
 
     file: str
@@ -96,11 +97,14 @@ class DrawnFile(Record, frozen=True, kw_only=True):
     reasons: tuple[str, ...]
     loading: tuple[str, ...]
     mass: Number = None
+    is_static: bool = False
 
     @property
     def has_verdict(self) -> bool:
-        """True if at least one engine agrees or differs."""
-        return bool({Outcome.AGREES, Outcome.DIFFERS} & set(self.outcomes.values()))
+        """True if at least one engine agrees or differs, or nothing in the file moves."""
+        return self.is_static or bool(
+            {Outcome.AGREES, Outcome.DIFFERS} & set(self.outcomes.values())
+        )
 
 
 def clone(folder: Path) -> None:
@@ -238,6 +242,7 @@ def run(kind: str, file: Path, clones: Path, limit: float) -> DrawnFile:
         reasons=tuple(reasons if cases else [f"no result: {text.strip()[-300:]}"]),
         loading=loading_engines(kind, file),
         mass=mass_difference(file) if cases else None,
+        is_static=any(case.kind == "no joint" for case in cases),
     )
 
 
@@ -260,7 +265,10 @@ def tables(results: Sequence[DrawnFile]) -> str:
         lines.append(f"{kind}: {len(of_kind)} files; exit codes: {counts or 'none'}")
     loads = [one for one in results if one.loading]
     missing = sum(not one.has_verdict for one in loads)
-    lines.append(f"{missing} of {len(loads)} files that an engine loads have no verdict")
+    still = sum(one.is_static for one in loads)
+    lines.append(
+        f"{missing} of {len(loads)} files that an engine loads have no verdict, {still} are static"
+    )
     masses = [one.mass for one in results if one.mass is not None]
     lines.append(f"{sum(one < SAME for one in masses)} of {len(masses)} mass matrices agree")
     seconds = [one.seconds for one in results] or [0.0]

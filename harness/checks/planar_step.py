@@ -156,8 +156,8 @@ def case_steps(
     target = task.target
     if isinstance(target, PreparedTree):
         # Contacts of a single body whose mass is a stand-in tell nothing of the file.
-        alone = all(link.kind == "free" for link in target.tree.links)
-        if target.smooth or (alone and has_stand_ins(task.file)):
+        has_joint = any(link.kind != "free" for link in target.tree.links)
+        if target.smooth or (has_stand_ins(task.file) and not has_joint):
             return None
     whole = case_whole_step(task, model, coordinates)
     if whole is not None or task.sidecar is None:
