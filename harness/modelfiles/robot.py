@@ -18,6 +18,8 @@ HELD = "joints that move nothing with inertia (held still)"
 
 LOCKED = "joints that their damping or spring locks (held still)"
 
+CLOSING = "joint that closes a loop"
+
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
 FilePlace = tuple[Path | None, int | None]
