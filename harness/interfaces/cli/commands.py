@@ -304,7 +304,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Compare",
         purpose="Compare two model files without declared equations",
         description="Compare two model files of one mechanism, without declared equations.\n"
-        "Print whether they move alike, and the numbers that differ.",
+        "Print whether they move alike, and the numbers that differ; write compare.html.",
         examples={
             "Compare two files": "crosscheck compare robot.urdf robot.xml",
             "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"
@@ -357,6 +357,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.RESOLUTION,
             arguments.STRICT,
             arguments.DETAILS,
+            arguments.out("reports"),
             arguments.JSON_FILE,
             *arguments.limits(),
         ),

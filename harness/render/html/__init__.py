@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -35,6 +35,7 @@ from .parts import (
     part_of_folder,
     write_parts,
 )
+from .scenes import three_code
 from .text import exact, percent, quantity, sci, shown
 from .view import FolderView, Report, worst_scene
 
@@ -113,33 +114,73 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
     return _page(Report(results, out))
 
 
-def _page(report: Report, places: str = "") -> str:
+def _page(
+    report: Report,
+    places: str = "",
+    name: str = "report.html",
+    sentence: str = "",
+    **more: object,
+) -> str:
     """Return the page of a report.
 
     Args:
         report: its content.
         places: JSON with the file of each case; empty if the page contains all cases.
+        name: name of the template.
+        sentence: headline; empty: the first sentence of the report.
+        more: other variables of the template.
     """
     content, folders = report.content, report.folders.values()
-    scenes = any(view.scene for view in report.cases)
-    script = _inline(_script(plots=bool(content.names), scenes=scenes))
     elsewhere: set[str] = set()
     if places:
         elsewhere = {name for view in report.cases for name in view.packs}
         elsewhere.update(name for folder in folders for name in folder.packs)
-    return template(
-        "report.html",
-        [script, *([content.code] if content.code else [])],
-        bool(places),
-        title=report.sentences[0],
+    return page_of(
+        name,
+        ((name, content.text(name)) for name in content.names if name not in elsewhere),
+        plots=bool(content.names),
+        scenes=any(view.scene for view in report.cases),
+        places=places,
         report=report,
         folders=folders,
-        packs=((name, content.text(name)) for name in content.names if name not in elsewhere),
+        most=ROWS,
+        sentence=sentence or report.sentences[0],
+        **more,
+    )
+
+
+def page_of(
+    name: str,
+    packs: Iterable[tuple[str, str]],
+    *,
+    plots: bool = False,
+    scenes: bool = False,
+    places: str = "",
+    sentence: str,
+    **values: object,
+) -> str:
+    """Return a page with the report's script.
+
+    Args:
+        name: name of the template, `report.html` or one that extends it.
+        packs: ids and texts of its packs.
+        plots, scenes: whether it has plots, and bodies.
+        places: JSON with the file of each case; empty if the page contains all cases.
+        sentence: headline of the page.
+        values: other variables of the template.
+    """
+    script, code = _inline(_script(plots=plots, scenes=scenes)), three_code() if scenes else ""
+    return template(
+        name,
+        [script, *([code] if code else [])],
+        bool(places),
+        title=sentence,
+        packs=packs,
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,
-        most=ROWS,
         places=Markup(_inline(places)),
+        **{"folders": (), "sentence": sentence, **values},
     )
 
 
