@@ -368,7 +368,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Keep a baseline",
         purpose="Run changed models and compare them with the baseline",
         description="Run the models that changed and compare them with the accepted baseline.\n"
-        "Write gate.json and summary.md. Made for CI.",
+        "Write gate.json, summary.md and gate.html. Made for CI.",
         examples={
             "Check what changed since the baseline": "crosscheck gate",
             "Run every case of one folder": "crosscheck gate my_arm --all",

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
+from physics_crosscheck.harness.results.places import shown_path
 from ..terminal.table import summary
 from . import overview, remedies, systems
 from .cases import SYMBOLS, CaseView
@@ -86,7 +87,7 @@ def write_report(path: Path, results: Results) -> None:
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
         places, names = write_parts(path, _parts(report))
-    write_whole(path, _page(report, places))
+    write_whole(path, page_of_report(report, places))
     forget_parts(path, names)
 
 
@@ -111,10 +112,10 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
         results: results of a run.
         out: folder of the report, as its commands name it.
     """
-    return _page(Report(results, out))
+    return page_of_report(Report(results, out))
 
 
-def _page(
+def page_of_report(
     report: Report,
     places: str = "",
     name: str = "report.html",
@@ -218,6 +219,7 @@ def _environment() -> jinja2.Environment:
         finalize=safe,
     )
     environment.filters |= {
+        "shown_path": shown_path,
         "exact": exact,
         "mathml": mathml,
         "percent": percent,

@@ -11,11 +11,15 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.baseline import Gate
+from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedProperty,
     ComparisonResult,
 )
+from physics_crosscheck.harness.records.diff import Diff
+from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.scene import Scene, SceneBody
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results.causes import own_file_sentence
@@ -27,9 +31,11 @@ from ..terminal.comparison import (
     values_of,
     verdict_sentences,
 )
-from . import page_of
+from . import page_of, page_of_report
 from .packs import Pack
+from .parts import WHOLE
 from .scenes import THREE, three_code
+from .view import Report, worst_scene
 
 TEXT_COLUMNS = 110
 """Width of the terminal's text on a page."""
@@ -177,3 +183,47 @@ def _scene_packs(
     yield "pack-scene-0", Pack("pack-scene-0").to_text(scene=both, overlaid=more)
     if code := three_code():
         yield THREE, Pack(THREE).to_text(code=code)
+
+
+def write_gate(
+    path: Path,
+    gate: Gate,
+    changes: Sequence[tuple[Diff, Case | None]],
+    results: Results | None,
+    *,
+    sentence: str,
+    total: str,
+    remedy: Sequence[str],
+) -> None:
+    """Write the page of a gate: what changed, before and after, and the changed cases' pages.
+
+    Args:
+        path: of the page.
+        gate: the gate.
+        changes: differences to list, worst first, each with its case in this run, if it ran.
+        results: of this run; None if nothing ran.
+        sentence: headline of the page.
+        total: number of cases of each kind, in words.
+        remedy: lines on how to undo or to accept the changes.
+
+    Raises:
+        OSError: if the file can't be written; an existing page stays unchanged.
+    """
+    folders = {case.folder for diff, case in changes if case and not diff.status.passes}
+    values: dict[str, object] = {"gate": gate, "total": total, "remedy": remedy}
+    if results is None or not folders or len(results.cases) > WHOLE:
+        rows = [(diff, "") for diff, _ in changes]
+        written = page_of("gate.html", (), sentence=sentence, rows=rows, scene=None, **values)
+    else:
+        systems, models, cases = (
+            tuple(one for one in group if one.folder in folders)
+            for group in (results.systems, results.models, results.cases)
+        )
+        report = Report(replace(results, systems=systems, models=models, cases=cases), path.parent)
+        ids = {id(view.case): view.id for view in report.cases}
+        rows = [(diff, ids.get(id(case), "")) for diff, case in changes]
+        scene = worst_scene(report.cases) if len(folders) == 1 else None
+        written = page_of_report(
+            report, name="gate.html", sentence=sentence, rows=rows, scene=scene, **values
+        )
+    write_whole(path, written)
