@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
@@ -210,20 +211,16 @@ def write_gate(
         OSError: if the file can't be written; an existing page stays unchanged.
     """
     folders = {case.folder for diff, case in changes if case and not diff.status.passes}
-    values: dict[str, object] = {"gate": gate, "total": total, "remedy": remedy}
-    if results is None or not folders or len(results.cases) > WHOLE:
-        rows = [(diff, "") for diff, _ in changes]
-        written = page_of("gate.html", (), sentence=sentence, rows=rows, scene=None, **values)
-    else:
+    fill = partial(page_of, "gate.html", (), scene=None)
+    ids: dict[int, str] = {}
+    if results is not None and folders and len(results.cases) <= WHOLE:
         systems, models, cases = (
             tuple(one for one in group if one.folder in folders)
             for group in (results.systems, results.models, results.cases)
         )
         report = Report(replace(results, systems=systems, models=models, cases=cases), path.parent)
         ids = {id(view.case): view.id for view in report.cases}
-        rows = [(diff, ids.get(id(case), "")) for diff, case in changes]
         scene = worst_scene(report.cases) if len(folders) == 1 else None
-        written = page_of_report(
-            report, name="gate.html", sentence=sentence, rows=rows, scene=scene, **values
-        )
-    write_whole(path, written)
+        fill = partial(page_of_report, report, name="gate.html", scene=scene)
+    rows = [(diff, ids.get(id(case), "")) for diff, case in changes]
+    write_whole(path, fill(sentence=sentence, rows=rows, gate=gate, total=total, remedy=remedy))

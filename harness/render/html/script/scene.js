@@ -408,5 +408,6 @@ function heatMap(viewer) {
     const [e, u] = [error[row][viewer.state], uncertainty[row][viewer.state]];
     readout.textContent = viewer.state === viewer.mechanism.home ? "The picture shows the pose as drawn." : viewer.state >= count ? "The picture shows a whole step." : `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
   });
-  return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
+  const keys = [["below", "E below U: agrees"], ["above", "E above U: differs; stronger up to 10⁹ times U"]].map(([name, text]) => make("span", { class: `key ${name}` }, text));
+  return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("p", { class: "keys" }, ...keys), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
 }
