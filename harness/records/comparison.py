@@ -7,6 +7,7 @@ from .case import Case, CaseKind
 from .codes import comparison_code
 from .finding import Diagnosis
 from .outcome import Outcome
+from .scene import Scene
 
 
 class ComparedModel(Record, frozen=True, kw_only=True):
@@ -190,6 +191,8 @@ class Compared(Record, frozen=True, kw_only=True):
             laws.
         decisive: The difference that decides, if the motions agree; None if they decide.
         rounding: Largest relative difference if all are rounding to six digits; None otherwise.
+        scenes: Both models at equal positions of their paired joints, A first; empty unless
+            requested.
     """
 
     discrepancy: Number
@@ -217,6 +220,7 @@ class Compared(Record, frozen=True, kw_only=True):
     laws: tuple[ComparedProperty, ...] | None = None
     decisive: ComparedProperty | None = None
     rounding: Number = None
+    scenes: tuple[Scene, ...] = ()
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):
