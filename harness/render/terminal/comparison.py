@@ -414,7 +414,9 @@ def verdict_sentences(
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         if compared.rounding is None:
             return f"{move}: difference {size}", "", []
-        rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
+        is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
+        digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
+        rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
         return f"{both}: {rounded}; motions differ by {size}", "", []
     if compared.decisive is not None:
         share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
