@@ -6,8 +6,8 @@ of google-deepmind/mujoco_menagerie and five URDFs of pybullet_data, by `mujoco_
 `--tools`, it checks what DIR already has: a folder for each robot, with `usd/*.usda` in it, and a
 source beside that. USD files without a source are only run. Nothing is committed.
 
-The table has for each robot what `compare` and `run` say: exit code, outcomes, codes, and the first
-sentence of each that does not agree.
+The table has the exit code, outcomes and codes of `compare` and `run` for each robot, and the first
+line that does not agree.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ USD = (".usd", ".usda", ".usdc", ".usdz")
 
 
 class UsdRobot(NamedTuple):
-    """A USD file, and the file that it was made from; None if there is none."""
+    """A USD file, and its source; None without one."""
 
     usd: Path
     source: Path | None
@@ -70,12 +70,12 @@ def robots_in(folder: Path) -> Iterator[UsdRobot]:
         home = path.parent.parent
         if path.parent.name == "usd" and (home / "source").is_file():
             yield UsdRobot(path, home / (home / "source").read_text(encoding="utf-8"))
-        elif "usd" not in path.relative_to(folder).parts[:-1] and _has_bodies(path):
+        elif not any((one / "source").is_file() for one in path.parents) and _has_bodies(path):
             yield UsdRobot(path, None)
 
 
 def _has_bodies(path: Path) -> bool:
-    """Return whether a layer states rigid bodies; a pointer of Git LFS is none."""
+    """Return whether a layer states rigid bodies, which a pointer of Git LFS does not."""
     data = path.read_bytes()
     if data.startswith(b"version https://git-lfs"):
         print(f"{path}: only a pointer of Git LFS", file=sys.stderr)
