@@ -1,8 +1,8 @@
 """USD robots of public converters, against their sources and in an engine.
 
-`python -m campaigns.usd_robots DIR --menagerie CLONE --tools VENV/bin` converts ten MJCFs of a clone
-of google-deepmind/mujoco_menagerie and five URDFs of pybullet_data, by `mujoco_usd_converter` and
-`urdf_usd_converter` of another environment, since these carry an OpenUSD of their own. Without
+`python -m campaigns.usd_robots DIR --menagerie CLONE --tools VENV/bin` converts ten MJCFs of a
+clone of google-deepmind/mujoco_menagerie and five URDFs of pybullet_data, by `mujoco_usd_converter`
+and `urdf_usd_converter` of another environment, since these carry an OpenUSD of their own. Without
 `--tools`, it checks what DIR already has: a folder for each robot, with `usd/*.usda` in it, and a
 source beside that. USD files without a source are only run. Nothing is committed.
 
@@ -97,7 +97,7 @@ def command(*words: object) -> tuple[int, str]:
 
 
 def summary(code: int, text: str) -> str:
-    """Return a cell: the exit code, outcomes and message codes, and if it failed, the first line."""
+    """Return a cell: exit code, outcomes, message codes, and the first line that fails."""
     outcomes = Counter(re.findall(r"^(AGREES|DIFFERS|UNRESOLVED|ERROR|PASS|FAIL)", text, re.M))
     codes = Counter(re.findall(r"\bXC\d{3}\b", text))
     counts = [f"{count} {name}" for name, count in (*outcomes.items(), *codes.items())]

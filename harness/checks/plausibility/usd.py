@@ -157,9 +157,8 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
         if is_held and body is not None and _has(body, "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
-                f"{joint.prim.GetPath()} fixes to the world: engines that follow the schema "
-                "hold a free base by a separate joint. Apply PhysicsArticulationRootAPI to that "
-                "joint, or to a prim above the body"
+                f"{joint.prim.GetPath()} fixes to the world: engines simulate a free base and an "
+                "outer joint. Apply PhysicsArticulationRootAPI to that joint, or above the body"
             )
             yield facts.advice("articulation root", [body], message)
 
