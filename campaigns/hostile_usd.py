@@ -14,6 +14,7 @@ import http.server
 import multiprocessing
 import os
 import random
+import re
 import resource
 import tempfile
 import threading
@@ -210,8 +211,8 @@ def outcome(path: Path) -> tuple[str, str]:
     first = words[0]
     if path.name not in first and not any(one.name in first for one in path.parent.iterdir()):
         return "unnamed", first
-    is_placed = "/arm" in first or f"{path.name}:" in first.partition(" ")[0] + " "
-    return "refused, with a place" if is_placed else "refused", first
+    is_placed = re.search(r":\d+: |</?[a-z]|/arm", first)
+    return "refused by line or prim" if is_placed else "refused by layer", first
 
 
 def main() -> None:
