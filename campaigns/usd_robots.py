@@ -85,7 +85,8 @@ def _has_bodies(path: Path) -> bool:
 def command(*words: object) -> tuple[int, str]:
     """Return the exit code and the output of `crosscheck`; 124 after ten minutes."""
     with tempfile.TemporaryDirectory() as out:
-        words = (sys.executable, "-m", "physics_crosscheck", *words, "--out", out)
+        words = (sys.executable, "-m", "physics_crosscheck", *words)
+        words += ("--out", out) if "run" in words else ()
         try:
             done = subprocess.run(
                 [str(word) for word in words],
