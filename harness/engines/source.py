@@ -7,6 +7,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
 
@@ -14,7 +15,8 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
-from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
+from physics_crosscheck.harness.documents.usd import UsdStage, stage_of
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
 
 
 class NoXmlError(EngineError):
@@ -78,6 +80,28 @@ def read_source(path: Path) -> str:
         raise EngineError(f"can't be read: {error.strerror or error}", file=path) from None
     except UnicodeDecodeError as error:
         raise EngineError(f"can't be read: {error}", file=path) from None
+
+
+def open_stage(spec: ModelSpec) -> UsdStage:
+    """Open a stage of USD.
+
+    Raises:
+        EngineError: naming layer, line and remedy.
+    """
+    try:
+        return stage_of(spec.path, spec.settings)
+    except LocationError as error:
+        message = f"{error.sentence}; {error.remedy}"
+        raise EngineError(message, file=error.file, line=error.line) from None
+
+
+def with_stage_settings(spec: ModelSpec) -> ModelSpec:
+    """Return a stage of USD with the settings that it states; the sidecar overrides them.
+
+    Raises:
+        EngineError: as `open_stage`.
+    """
+    return replace(spec, settings={**open_stage(spec).settings, **spec.settings})
 
 
 @contextmanager
