@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.usd import UsdStage, unique_tails
 from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
+from physics_crosscheck.harness.engines.source import one_line
 
 FASTEST = 1e16
 """PhysX's own value of an unlimited speed."""
@@ -62,7 +64,13 @@ class Scene:
         ovstage.population.open_usd(self._stage, str(path), ordinal=1, domains=domains)
         self._stage.advance_write_floor(ordinal=1).wait()
         self._physx = physx = ovphysx.PhysX()
-        physx.wait_task(physx.attach_ovstage(self._stage, read_ordinal=1))
+        try:
+            physx.wait_task(physx.attach_ovstage(self._stage, read_ordinal=1))
+        except ovphysx.api.TaskError as error:
+            physx.destroy()
+            self._stage.destroy()
+            problem = "PhysX can't attach the stage; it holds stages of one metersPerUnit at a time"
+            raise EngineError(f"{problem}: {one_line(error)}") from None
         physx.warmup()
         binding = self._binding("DOF_POSITION")[0]
         if binding.count != 1:
@@ -74,7 +82,9 @@ class Scene:
         """Return the binding of a tensor, and a buffer of its shape."""
         if name not in self._bindings:
             kind = getattr(self._types, f"ARTICULATION_{name}")
-            binding = self._physx.create_tensor_binding(pattern=self._root, tensor_type=kind)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # the extra excludes 0.8
+                binding = self._physx.create_tensor_binding(pattern=self._root, tensor_type=kind)
             number = np.uint8 if name == "DOF_DRIVE_TYPE" else np.float32
             self._bindings[name] = binding, np.zeros(binding.shape, dtype=number)
         return self._bindings[name]
