@@ -156,14 +156,15 @@ class StageLayer:
             problem += " joins bodies without it by constraints"
             raise UnsupportedError(problem, file=file.path)
         with file.pxr.Usd.EditContext(file.stage, file.stage.GetSessionLayer()):
-            for prim in file.prims:
-                if prim.IsInstance():
-                    prim.SetInstanceable(False)
             self.root = self._place_root(roots[0], bodies)
-            for prim in bodies:
-                self._set_link(file.stage.GetPrimAtPath(prim.GetPath()))
+            shapes = self._outer_shapes() if settings["smooth"] else ()
+            for path in [one.GetPath() for one in bodies]:
+                self._set_link(self._copied(path))
             self._set_joints(held)
-            self._set_scene()
+            for path in shapes:
+                self._set(self._copied(path), "", "physics:collisionEnabled", False)
+            if list(settings["gravity"]) != list(file.gravity):  # type: ignore[call-overload]
+                self._set_gravity(settings["gravity"])  # type: ignore[arg-type]
         self.text = self._written()
 
     def _named(self, prims: Sequence[Any]) -> dict[str, str]:
@@ -224,8 +225,8 @@ class StageLayer:
         numbers["sleepThreshold"] = 0.0
         if path != str(prim.GetPath()):
             for name in (ROOT, ARTICULATION):
-                file.stage.GetPrimAtPath(prim.GetPath()).RemoveAppliedSchema(name)
-        root = file.stage.GetPrimAtPath(path)
+                self._copied(prim.GetPath()).RemoveAppliedSchema(name)
+        root = self._copied(path)
         root.AddAppliedSchema(ROOT)
         for name, value in numbers.items():
             if value is not None:
@@ -250,25 +251,32 @@ class StageLayer:
                 self._file.set_type(path, FIXED)
                 del self.joints[name]
             elif self._settings["smooth"]:
-                prim = self._file.stage.GetPrimAtPath(path)
+                prim = self._copied(path)
                 self._set(prim, "", "physics:lowerLimit", -np.inf)
                 self._set(prim, "", "physics:upperLimit", np.inf)
 
-    def _set_scene(self) -> None:
-        """Set gravity where the settings differ, and remove what a smooth motion must not touch."""
-        file, gravity = self._file, list(self._settings["gravity"])  # type: ignore[call-overload]
-        if gravity != list(file.gravity):
-            kind = "PhysicsScene"
-            scene = next((one for one in file.prims if one.GetTypeName() == kind), None)
-            scene = scene or file.stage.DefinePrim("/crosscheck_scene", kind)
-            size = float(np.linalg.norm(gravity))
-            types = file.pxr.Sdf.ValueTypeNames
-            along = file.pxr.Gf.Vec3f(*[one / size if size else 0.0 for one in gravity])
-            scene.CreateAttribute("physics:gravityDirection", types.Vector3f, False).Set(along)
-            self._set(scene, "", "physics:gravityMagnitude", size / file.unit)
-        for prim in file.prims if self._settings["smooth"] else ():
-            if COLLIDER in prim.GetAppliedSchemas() and not _is_of_body(prim):
-                self._set(prim, "", "physics:collisionEnabled", False)
+    def _outer_shapes(self) -> list[Any]:
+        """Return the paths of shapes that collide and are of no body."""
+        shapes = [one for one in self._file.prims if COLLIDER in one.GetAppliedSchemas()]
+        return [one.GetPath() for one in shapes if not _is_of_body(one)]
+
+    def _set_gravity(self, gravity: Sequence[float]) -> None:
+        """Set gravity where the settings differ from the file."""
+        file, kind = self._file, "PhysicsScene"
+        scene = next((one for one in file.stage.Traverse() if one.GetTypeName() == kind), None)
+        scene = scene or file.stage.DefinePrim("/crosscheck_scene", kind)
+        size, types = float(np.linalg.norm(gravity)), file.pxr.Sdf.ValueTypeNames
+        along = file.pxr.Gf.Vec3f(*[one / size if size else 0.0 for one in gravity])
+        scene.CreateAttribute("physics:gravityDirection", types.Vector3f, False).Set(along)
+        self._set(scene, "", "physics:gravityMagnitude", size / file.unit)
+
+    def _copied(self, path: Any) -> Any:
+        """Return a prim; instances that it is in become copies, which can be changed."""
+        stage = self._file.stage
+        for above in reversed(list(self._file.pxr.Sdf.Path(path).GetAncestorsRange())):
+            if stage.GetPrimAtPath(above).IsInstance():
+                stage.GetPrimAtPath(above).SetInstanceable(False)
+        return stage.GetPrimAtPath(path)
 
     def _set(self, prim: Any, schema: str, name: str, value: float | bool) -> None:
         """Set an attribute in the layer."""
