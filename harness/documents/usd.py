@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +28,9 @@ SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 STAGE_SETTINGS = ("variants", "allow_outside")
 """Settings of engines with which a stage is opened, as of `UsdStage`."""
 
+VARIANTS, OUTSIDE = "CROSSCHECK_USD_VARIANTS", "CROSSCHECK_USD_OUTSIDE"
+"""Environment variables with these settings: `SET=NAME` for each variant, and `1`."""
+
 MAX_LAYERS = 500
 """The most layers of a stage."""
 
@@ -36,8 +40,8 @@ EARTH = 9.81
 CRATE, PACKAGE = b"PXR-USDC", b"PK\x03\x04"
 """First bytes of a binary layer and of a package, which have no lines."""
 
-USD_HEAD = rb"\A(#usda|PXR-USDC|PK\x03\x04)"
-"""First bytes of a layer or of a package."""
+USD_HEAD = rb"\A(PXR-USDC|PK\x03\x04|#usda(?s:.*)(\"Physics\w+API\b|\bPhysics\w*Joint\b|@))"
+"""Content of a layer or a package that may be a robot's: text with physics, or of other layers."""
 
 _PHYSICAL = re.compile(
     r"(physics|newton|mjc|physx\w*|drive|limit|state|xformOp):.+|size|radius|height"
@@ -331,11 +335,16 @@ class UsdStage:
             spec.default = _like(attribute.Get(), value)
         return layer
 
-    def set_type(self, path: str, name: str) -> None:
-        """Give a prim another type, in a layer over the file."""
+    def fix_joint(self, prim: Any) -> None:
+        """Fix a joint where its frames meet, in a layer over the file."""
         sdf = self.pxr.Sdf
-        spec = sdf.CreatePrimInLayer(self._session, path)
-        spec.specifier, spec.typeName = sdf.SpecifierDef, name
+        spec = sdf.CreatePrimInLayer(self._session, prim.GetPath())
+        spec.specifier, spec.typeName = sdf.SpecifierDef, "PhysicsFixedJoint"
+
+    def switch_off(self, joint: Any) -> None:
+        """Switch a joint off, in a layer over the file."""
+        with self.pxr.Usd.EditContext(self.stage, self._session):
+            self.pxr.UsdPhysics.Joint(joint).GetJointEnabledAttr().Set(False)
 
     def overlay(self, values: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
@@ -510,8 +519,16 @@ def stage_of(path: Path, settings: Mapping[str, object]) -> UsdStage:
         LocationError: as `UsdStage`.
     """
     variants = settings.get("variants")
-    chosen = variants if isinstance(variants, Mapping) else {}
-    return UsdStage(path, chosen, allow_outside=bool(settings.get("allow_outside")))
+    words = shlex.split(os.environ.get(VARIANTS, ""))
+    chosen = {**dict(word.split("=", 1) for word in words if "=" in word)}
+    chosen |= variants if isinstance(variants, Mapping) else {}
+    is_allowed = bool(settings.get("allow_outside") or os.environ.get(OUTSIDE))
+    return UsdStage(path, chosen, allow_outside=is_allowed)
+
+
+def is_outside(stage: UsdStage, joint: Any) -> bool:
+    """Return whether a joint is excluded from the articulation, as one that closes a loop."""
+    return bool(stage.value(joint, "physics:excludeFromArticulation", default=False))
 
 
 def overlay_path(path: Path) -> Path:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.documents.expanded import RENAMED
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES
 from physics_crosscheck.harness.documents.usd import SUFFIXES, USD_HEAD
 from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
@@ -66,7 +67,8 @@ def is_robot(file: Path) -> bool:
         return False
     try:
         with file.open("rb") as opened:
-            return re.search(kind.head, opened.read(HEAD_BYTES)) is not None
+            head = opened.read(HEAD_BYTES if kind.is_xml else MAX_MODEL_BYTES)
+            return re.search(kind.head, head) is not None
     except OSError:
         return False
 

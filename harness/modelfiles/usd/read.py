@@ -21,6 +21,7 @@ from physics_crosscheck.harness.documents.sdf.frames import inverse
 from physics_crosscheck.harness.documents.usd import (
     STAGE_SETTINGS,
     UsdStage,
+    is_outside,
     stage_of,
     unique_tails,
 )
@@ -194,7 +195,11 @@ class StageTree:
         return tuple(joints)
 
     def _acts(self, prim: Any) -> bool:
-        return bool(self.stage.value(prim, "physics:jointEnabled", default=True))
+        """Return whether a joint is switched on, and in the tree."""
+        stage = self.stage
+        return bool(stage.value(prim, "physics:jointEnabled", default=True)) and not is_outside(
+            stage, prim
+        )
 
     def _joint(self, prim: Any, name: str) -> Iterator[UsdJoint]:
         stage = self.stage
@@ -277,9 +282,7 @@ class StageTree:
             if ready is not None:
                 waiting.remove(ready)
                 new = [end for end in ready.ends if end not in placed]
-                if new and not self.stage.value(
-                    ready.prim, "physics:excludeFromArticulation", default=False
-                ):
+                if new:
                     order.append((new[0] or "", ready))
                     placed.add(new[0])
                 elif not set(ready.ends) <= {None, *self._still}:
@@ -423,7 +426,9 @@ class StageTree:
             if prim.HasAPI(stage.pxr.UsdPhysics.CollisionAPI):
                 yield "collision geometry", self._owner(prim.GetPath()) or ""
             elif prim.IsA(stage.pxr.UsdPhysics.Joint) and not self._acts(prim):
-                yield "joints that are switched off", str(prim.GetName())
+                is_on = is_outside(stage, prim)
+                kind = "excluded from the articulation" if is_on else "switched off"
+                yield f"joints that are {kind}", str(prim.GetName())
         for joint in self.joints:
             yield from self._joint_notes(joint)
 
