@@ -391,21 +391,21 @@ def _substepped(
 ) -> tuple[Array, Array]:
     """Take one step in substeps, joint by joint."""
     response, dt = _responses(stepped.mass(q)), h / law.count
-    own = np.diagonal(response, axis1=1, axis2=2)
+    unit = np.diagonal(response, axis1=1, axis2=2)
     still, free = (stepped.force(q, 0 * m, one) for one in (u, 0 * u))
     held = still - law.stiffness * (law.target - q) - law.damping * law.speed
     lagging = stepped.force(q, m, u) - still + (law.damping + law.passive) * m
     m = m + h * (response @ lagging[:, :, None])[:, :, 0]
     pushed, outer = dt * (response @ held[:, :, None])[:, :, 0], dt * (still - free)
     softness = dt * (dt * law.stiffness + law.damping)
-    gain, least = 1 / (1 + softness * own), np.minimum(dt * law.passive, 1 / own)
+    gain, least = 1 / (1 + softness * unit), np.minimum(dt * law.passive, 1 / unit)
     rubbed, moved = np.zeros_like(m), np.zeros_like(m)
     for i in range(law.count):
         m = m + pushed
         goal = law.target - q - (h - (i + 1) * dt) * law.speed
         for k in law.order:
-            pull = law.damping[k] * law.speed[k] + law.stiffness[k] * (goal[:, k] - moved[:, k])
-            total = outer[:, k] + gain[:, k] * (dt * pull - softness[k] * m[:, k])
+            servo = law.damping[k] * law.speed[k] + law.stiffness[k] * (goal[:, k] - moved[:, k])
+            total = outer[:, k] + gain[:, k] * (dt * servo - softness[k] * m[:, k])
             bound = dt * law.effort[k]
             m = m + response[:, :, k] * (np.clip(total, -bound, bound) - outer[:, k])[:, None]
             rub = -least[:, k] * m[:, k]
@@ -413,7 +413,7 @@ def _substepped(
         moved = moved + dt * m
     for k in law.order * law.repeats:
         bound = h * law.passive[k] * abs(m[:, k])
-        rub = np.clip(rubbed[:, k] - m[:, k] / own[:, k], -bound, bound) - rubbed[:, k]
+        rub = np.clip(rubbed[:, k] - m[:, k] / unit[:, k], -bound, bound) - rubbed[:, k]
         m, rubbed[:, k] = m + response[:, :, k] * rub[:, None], rubbed[:, k] + rub
     return stepped.advanced(q, moved, 1.0), m
 

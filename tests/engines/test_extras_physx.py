@@ -126,11 +126,11 @@ def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path:
 def test_own_effects_act_only_on_request(
     setting: str, value: object, speed: float, tmp_path: Path
 ) -> None:
-    quiet, own = load(TREE, tmp_path), load(TREE, tmp_path, settings={setting: value})
+    quiet, active = load(TREE, tmp_path), load(TREE, tmp_path, settings={setting: value})
     assert quiet.corrective_settings == {}
-    ((_, remedy),) = own.corrective_settings.items()
+    ((_, remedy),) = active.corrective_settings.items()
     assert remedy == {setting: type(value)(0)}  # type: ignore[call-arg]
-    assert not np.allclose(motion(own, speed=speed), motion(quiet, speed=speed), rtol=1e-5)
+    assert not np.allclose(motion(active, speed=speed), motion(quiet, speed=speed), rtol=1e-5)
     stated = TREE.replace('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]').replace(
         "    float physics:mass",
         "    float physxRigidBody:angularDamping = 0\n    float physics:mass",

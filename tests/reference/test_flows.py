@@ -288,7 +288,8 @@ def test_substeps_match_a_slide(changes: dict[str, float], speed: float | None) 
         stiffness=numbers["stiffness"], damping=numbers["damping"] + numbers["passive"],
     )  # fmt: skip
     stepped = SteppedBodies(Tree(links=(slide,), gravity=np.zeros(3)))
-    state, still, scheme = np.array([[0.3, 1.0]]), np.zeros((1, 4, 1)), "semi-implicit Euler"
+    scheme: Scheme = "semi-implicit Euler"
+    state, still = np.array([[0.3, 1.0]]), np.zeros((1, 4, 1))
     end = next_states(stepped, state, still[:, :1], 0.1, scheme=scheme, substeps=law)
     implicit = next_states(
         stepped, state, still, 0.1 / 4, scheme=scheme, steps=4,

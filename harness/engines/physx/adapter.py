@@ -39,7 +39,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
 from physics_crosscheck.harness.documents.usd import SUFFIXES
-from physics_crosscheck.harness.engines.physx.scene import FASTEST, SLIDE, Scene, StageLayer
+from physics_crosscheck.harness.engines.physx.scene import FASTEST, SLIDE, PhysxScene, StageLayer
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     DefaultLeftOn,
@@ -53,7 +53,7 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import open_stage
+from physics_crosscheck.harness.engines.source import open_stage, sample_stages
 from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 from physics_crosscheck.reference.mechanism.laws import Substeps
@@ -130,8 +130,8 @@ class PhysxEngine(UrdfEngine):
         return {}
 
     def samples(self) -> tuple[Sample, ...]:
-        """Return an arm as a text layer, for both suffixes of text."""
-        return tuple(Sample(file=f"arm{suffix}", text=_sample()) for suffix in (".usd", ".usda"))
+        """Return an arm for each suffix of text layers."""
+        return sample_stages()
 
 
 class PhysxModel(TreeModel):
@@ -147,7 +147,7 @@ class PhysxModel(TreeModel):
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
             path = Path(folder) / "layer.usda"
             path.write_text(layer.text, encoding="utf-8")
-            self._scene = scene = Scene(path, layer.root)
+            self._scene = scene = PhysxScene(path, layer.root)
         weakref.finalize(self, scene.close).atexit = False
         for name in scene.joints:
             if name not in layer.joints:
@@ -166,7 +166,7 @@ class PhysxModel(TreeModel):
             energy=stage.mass_unit * stage.unit**2,
             joints=np.where(self._slides, stage.unit, 1.0),
         )
-        self.stepper = self._steps = _Steps(scene, units, self.floats)
+        self.stepper = self._steps = _ArticulationSteps(scene, units, self.floats)
 
     def _without_friction(self) -> None:
         """Disable dry friction and bounds of speeds and efforts."""
@@ -191,7 +191,7 @@ class PhysxModel(TreeModel):
 
     @property
     def _is_stiff(self) -> bool:
-        """Whether PhysX holds the base itself, and drives are forces."""
+        """True if PhysX holds the base itself, and drives are forces."""
         return self._scene.fixed and not np.any(self._scene.read("DOF_DRIVE_TYPE") == 2)
 
     @cached_property
@@ -203,9 +203,9 @@ class PhysxModel(TreeModel):
         def visit(link: str) -> None:
             passed.add(link)
             reached = {}
-            for joint, (one, other) in ends.items():
-                if link in (one, other):
-                    reached[other if link == one else one] = joint
+            for joint, (first, second) in ends.items():
+                if link in (first, second):
+                    reached[second if link == first else first] = joint
             for child in [name for name in scene.links if name in reached]:
                 if child not in passed:
                     order.extend(k for k, name in enumerate(scene.joints) if name == reached[child])
@@ -305,10 +305,10 @@ class _Units(NamedTuple):
     joints: Array
 
 
-class _Steps(Stepper):
+class _ArticulationSteps(Stepper):
     """An articulation in its scene; a free root's velocities are those of its centre of mass."""
 
-    def __init__(self, scene: Scene, units: _Units, floats: bool) -> None:
+    def __init__(self, scene: PhysxScene, units: _Units, floats: bool) -> None:
         self._scene, self.units = scene, units
         self._first = FREE if floats else 0
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
@@ -402,8 +402,8 @@ class _Steps(Stepper):
         """Return accelerations at a state with a fixed base."""
         scene, units, law = self._scene, self.units, self._law
         self.reset(q, v)
-        pull = law.stiffness * (law.target - q) + law.damping * (law.speed - v)
-        total = np.clip(pull + force, -law.effort, law.effort) - law.passive * v
+        servo = law.stiffness * (law.target - q) + law.damping * (law.speed - v)
+        total = np.clip(servo + force, -law.effort, law.effort) - law.passive * v
         weight = scene.read("GRAVITY_FORCE") + scene.read("CORIOLIS_AND_CENTRIFUGAL_FORCE")
         mass = scene.read("MASS_MATRIX") + np.diag(scene.read("DOF_ARMATURE"))
         total = total * units.joints / units.energy - weight
@@ -423,37 +423,3 @@ class _Steps(Stepper):
         for mass, pose, inertia in zip(masses, scene.read("BODY_COM_POSE"), inertias, strict=True):
             turn = from_quaternion(np.roll(pose[3:], 1))
             yield SpatialInertia(float(mass), pose[:3] * length, turn @ inertia @ turn.T)
-
-
-def _sample() -> str:
-    """Return a fixed base with a hinge, and on it a slide and a hinge with a drive."""
-    bodies = (("base", 2.0, 0.0), ("upper", 1.5, 0.5), ("rod", 0.7, 0.1), ("tip", 0.4, 0.1))
-    joints = (
-        ("hinge", "Revolute", "Y", "base", "upper", 0.5, ""),
-        ("slide", "Prismatic", "X", "upper", "rod", -0.4, ""),
-        ("wrist", "Revolute", "X", "upper", "tip", -0.4, "angular"),
-    )
-    text = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
-    text += 'def PhysicsScene "scene"\n{\n}\n'
-    text += 'def Xform "arm" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])\n{\n'
-    for name, mass, height in bodies:
-        schemas = '["PhysicsRigidBodyAPI", "PhysicsMassAPI"]'
-        text += f'def Xform "{name}" (prepend apiSchemas = {schemas})\n{{\n'
-        text += f"    double3 xformOp:translate = (0, 0, {height})\n"
-        text += '    uniform token[] xformOpOrder = ["xformOp:translate"]\n'
-        text += f"    float physics:mass = {mass}\n"
-        text += "    point3f physics:centerOfMass = (0.05, 0.02, -0.15)\n"
-        text += f"    float3 physics:diagonalInertia = ({mass / 50}, {mass / 60}, {mass / 80})\n"
-        text += "    quatf physics:principalAxes = (0.98, 0.1, 0.15, 0.08)\n}\n"
-    text += 'def PhysicsFixedJoint "anchor"\n{\n    rel physics:body1 = </arm/base>\n}\n'
-    for name, kind, axis, parent, child, height, drive in joints:
-        schemas = f' (prepend apiSchemas = ["PhysicsDriveAPI:{drive}"])' if drive else ""
-        text += f'def Physics{kind}Joint "{name}"{schemas}\n{{\n'
-        text += f'    uniform token physics:axis = "{axis}"\n'
-        text += f"    rel physics:body0 = </arm/{parent}>\n    rel physics:body1 = </arm/{child}>\n"
-        text += f"    point3f physics:localPos0 = (0, 0, {height})\n"
-        if drive:
-            text += f"    float drive:{drive}:physics:stiffness = 0.02\n"
-            text += f"    float drive:{drive}:physics:damping = 0.001\n"
-        text += "}\n"
-    return text + "}\n"

@@ -43,7 +43,7 @@ def _runtime() -> tuple[Any, Any]:
     return ovphysx, ovstage
 
 
-class Scene:
+class PhysxScene:
     """A stage in PhysX with one articulation, and its tensors in the stage's units.
 
     Args:
@@ -248,7 +248,7 @@ class StageLayer:
         """Fix held joints, and remove limits if the settings want smooth motions."""
         for name, (path, _, label) in list(self.joints.items()):
             if label in held:
-                self._file.set_type(path, FIXED)
+                self._file.fix_joint(self._file.stage.GetPrimAtPath(path))
                 del self.joints[name]
             elif self._settings["smooth"]:
                 prim = self._copied(path)
@@ -289,11 +289,11 @@ class StageLayer:
     def _written(self) -> str:
         """Return the layer as text, over the file."""
         stage = self._file.stage
-        layer, own = self._file.pxr.Sdf.Layer.CreateAnonymous(".usda"), stage.GetRootLayer()
+        layer, root = self._file.pxr.Sdf.Layer.CreateAnonymous(".usda"), stage.GetRootLayer()
         layer.TransferContent(stage.GetSessionLayer())
         for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
-            if own.pseudoRoot.HasInfo(key):
-                layer.pseudoRoot.SetInfo(key, own.pseudoRoot.GetInfo(key))
+            if root.pseudoRoot.HasInfo(key):
+                layer.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
         layer.subLayerPaths = [os.path.abspath(self._file.path)]
         text: str = layer.ExportToString()
         return text
