@@ -169,7 +169,7 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
 
 
 def sample_stages() -> tuple[Sample, ...]:
-    """Return a fixed base with a hinge, and on it a slide and a hinge with a drive, as text layers."""
+    """Return a fixed base with a hinge, and on it a slide and a hinge with a drive."""
     bodies = (("base", 2.0, 0.0), ("upper", 1.5, 0.5), ("rod", 0.7, 0.1), ("tip", 0.4, 0.1))
     joints = (
         ("hinge", "Revolute", "Y", "base", "upper", 0.5, ""),
@@ -199,4 +199,5 @@ def sample_stages() -> tuple[Sample, ...]:
             text += f"    float drive:{drive}:physics:stiffness = 0.02\n"
             text += f"    float drive:{drive}:physics:damping = 0.001\n"
         text += "}\n"
-    return tuple(Sample(file=f"arm{suffix}", text=text + "}\n") for suffix in (".usd", ".usda"))
+    names = ("arm.usd", "arm.usda")
+    return tuple(Sample(file=one, text=text + "}\n", settings={"step": 0.01}) for one in names)
