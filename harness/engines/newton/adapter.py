@@ -41,7 +41,7 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, shortened
+from physics_crosscheck.harness.engines.source import engine_errors, sample_stages, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces
 from physics_crosscheck.harness.engines.urdf import UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
@@ -248,7 +248,7 @@ class NewtonEngine(UrdfEngine):
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
-        return (sample_urdf(), sample_mjcf(armature=""))
+        return (sample_urdf(), sample_mjcf(armature=""), *sample_stages())
 
 
 class NewtonModel(LoadedModel):

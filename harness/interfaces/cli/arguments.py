@@ -1,7 +1,5 @@
 """Options that several commands share, each defined once, and the values that they accept."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os
