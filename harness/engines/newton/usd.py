@@ -66,7 +66,7 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     with collect_warnings(messages):
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
-    corrected = _point_bodies(stage, builder, keep=bool(settings["corrected_inertias"]))
+    corrected = _point_bodies(stage, builder, is_kept=bool(settings["corrected_inertias"]))
     if settings["corrected_inertias"]:
         corrected += correct_inertias(builder, messages)
     return ParsedModel(
@@ -95,14 +95,14 @@ def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> li
     return names
 
 
-def _point_bodies(stage: UsdStage, builder: Any, *, keep: bool) -> list[str]:
-    """Return bodies without moments, for which Newton invents some; remove those unless `keep`."""
+def _point_bodies(stage: UsdStage, builder: Any, *, is_kept: bool) -> list[str]:
+    """Return bodies without moments, for which Newton invents some; remove those unless `is_kept`."""
     names = []
     for i, label in enumerate(builder.body_label):
         tensor = builder.body_inertia[i]
         if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(tensor):
-            names += [label.rpartition("/")[2]] if keep else []
-            builder.body_inertia[i] = tensor if keep else type(tensor)(0.0)
+            names += [label.rpartition("/")[2]] if is_kept else []
+            builder.body_inertia[i] = tensor if is_kept else type(tensor)(0.0)
     return names
 
 
