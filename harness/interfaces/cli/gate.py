@@ -15,9 +15,8 @@ from physics_crosscheck.harness.commands.gate.gate import (
     moving_models,
     robots_in,
 )
-from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, summary
+from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, notes, summary
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
     check_engines,
