@@ -8,11 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.diagnosis.law_problem import (
-    LawProblem,
-    diagnose_laws,
-    law_problem,
-)
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
 from physics_crosscheck.records import Outcome
 from tests.laws.scenes import URDF_ARM, URDF_BALLS
 

@@ -59,10 +59,7 @@ from .attribution import Attribution, attributed
 from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
 from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
 from .laws import compare_laws
-from .match import (
-    Match,
-    pairs_of,
-)
+from .match import Match, pairs_of
 from .prepared import PreparedComparison, omission_notes, prepare
 from .properties import FileComparison, compare_files
 from .segments import Ends, own_forces, run_source, run_target

@@ -15,12 +15,12 @@ from physics_crosscheck.harness.commands.gate.gate import (
     moving_models,
     robots_in,
 )
-from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import (
     code_hint,
     gate_lines,
     headline,
+    notes,
     remedy,
     summary,
     total,
