@@ -1,7 +1,5 @@
 """The first sentences of a result: robot, engine, fault and effect, before any count."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from physics_crosscheck.harness.engines.registry import engines

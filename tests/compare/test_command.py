@@ -136,6 +136,26 @@ def test_range_that_no_run_reaches_differs_by_its_law(tmp_path: Path) -> None:
     assert "not compared: limits" not in done.stdout
 
 
+def test_brief_table_comes_first_and_minor_differences_last(tmp_path: Path) -> None:
+    changes = [('mass="0.35"', 'mass="0.36"'), ('damping="0.07"', 'damping="0.08"'),
+               ("0.041", "0.04100008"), ("0.039", "0.03900008")]  # fmt: skip
+    friction = ('name="elbow"', 'name="elbow" frictionloss="0.2"')
+    for name, edits in (("a.xml", [friction]), ("b.xml", changes)):
+        written(tmp_path, name, MJCF, *edits)
+    text = io.StringIO()
+    comparison = compared(tmp_path / "a.xml", tmp_path / "b.xml")
+    console = Console(file=text, width=80, highlight=False, emoji=False)
+    print_comparison(console, comparison, details=False)
+    top = "\n".join(text.getvalue().splitlines()[:8])
+    words = (
+        r"A:\d+, B:\d+  link hand: mass",
+        r"damping of joint shoulder",
+        r"friction\w* of joint",
+    )
+    assert all(re.search(word, top) for word in words), top
+    assert re.search(r"minor differences? .*\nFix: ", text.getvalue()), text.getvalue()
+
+
 def test_similar_differences_and_rounding_take_one_line_each(tmp_path: Path) -> None:
     joints = re.findall(r'<joint name="\w+"', MJCF)
     armature = [(joint, f'{joint} armature="0.01"') for joint in joints]

@@ -1,7 +1,5 @@
 """Text of a gate's result: lines for a terminal or a log, and Markdown for a step summary."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -3,8 +3,6 @@
 This module imports only what parsing needs, so help and completion load no sympy and no engine.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Iterable, Mapping
@@ -352,7 +350,7 @@ COMMANDS: Mapping[str, Command] = {
                 action="store_true",
                 help="Include contacts, joint limits, dry friction and couplings",
             ),
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating("as the other file"),
             arguments.RESOLUTION,
             arguments.STRICT,
@@ -441,7 +439,7 @@ COMMANDS: Mapping[str, Command] = {
                 help="Folder or robot file; repeatable [those of the baseline]",
             ),
             arguments.ENGINE,
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating("as accepted"),
             arguments.chosen_model("as accepted"),
             arguments.RESOLUTION,
@@ -489,7 +487,7 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="FILE",
                 help="Model file to start from: URDF, SDFormat or MJCF",
             ),
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating(),
             arguments.chosen_model("the only movable one"),
         ),

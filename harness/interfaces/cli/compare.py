@@ -1,7 +1,5 @@
 """`crosscheck compare`: compare two models of one mechanism, without equations."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import sys

@@ -1,7 +1,5 @@
 """`crosscheck gate`: run changed models, and compare them with accepted results."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex

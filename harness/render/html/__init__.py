@@ -95,7 +95,7 @@ def write_report(path: Path, results: Results) -> None:
 
 def _parts(report: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
-    page = _environment().get_template("part.html")
+    page = environment().get_template("part.html")
 
     def render_views(folder: FolderView, views: Sequence[CaseView]) -> str:
         return page.render(report=report, group=folder, cases=views)
@@ -178,19 +178,23 @@ def page_of(
 
 
 def template(
-    name: str, running: Sequence[str] = (), reads: bool = False, /, **values: object
+    page: str | jinja2.Template,
+    running: Sequence[str] = (),
+    reads: bool = False,
+    /,
+    **values: object,
 ) -> str:
     """Fill a template in the report's style.
 
     Args:
-        name: name of the template.
+        page: the template, or its name.
         running: scripts besides the early one; none: no script at all.
         reads: whether the page may load scripts from its folder.
         values: variables of the template.
     """
     return (
-        _environment()
-        .get_template(name)
+        environment()
+        .get_template(page)
         .render(
             style=Markup(_resource("style.css")),
             policy=_policy([EARLY, *running] if running else [], reads),
@@ -200,7 +204,7 @@ def template(
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
     """Return the cached environment, as compiling templates takes longer than filling them."""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
