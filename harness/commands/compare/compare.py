@@ -356,16 +356,9 @@ def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedA
 
 
 def _scenes(executor: Executor, sides: tuple[ModelSide, ModelSide] | None) -> tuple[Scene, ...]:
-    """Return the scenes of both models; none if one is not a tree, or if its meshes fail."""
-    if sides is None:
-        return ()
-    scenes = [
-        one
-        for model in sides
-        for one in ask_each(executor, model.facts.candidate, side_scene, [model])
-        if not isinstance(one, Failure)
-    ]
-    return tuple(scenes) if len(scenes) == len(sides) else ()
+    """Return the scenes of both models; none if one is not a tree. Meshes may fail."""
+    scenes = ask_each(executor, sides[0].facts.candidate, side_scene, sides) if sides else []
+    return tuple(one for one in scenes if not isinstance(one, Failure))
 
 
 def failed_comparison(
