@@ -1,7 +1,5 @@
 """Diagnosis of a robot's file in an engine: the numbers that the engine reads differently."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """URDFs that xacro expands from sources, and the line of the source of each of their elements."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """A robot from its file: a tree of bodies, and the parts of the file that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -129,6 +127,7 @@ class Robot:
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
         repeated: elements without effect, since an earlier one of their tag counts.
+        selection: selected variants of the file, in words.
     """
 
     name: str
@@ -147,6 +146,7 @@ class Robot:
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
     repeated: tuple[ReadError, ...] = ()
+    selection: str = ""
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

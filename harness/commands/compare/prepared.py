@@ -1,7 +1,5 @@
 """Preparation of both models: load them, pair their joints, and lock joints without a partner."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar

@@ -4,8 +4,6 @@ The rules are those of the format (http://sdformat.org/spec), without elements t
 equations nor the adapters of engines cover.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence

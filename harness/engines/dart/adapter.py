@@ -7,8 +7,6 @@ collide bodies of one skeleton. It reads joint limits but enforces them only aft
 A DART skeleton in a world, with the harness's coordinates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -60,7 +58,7 @@ from physics_crosscheck.harness.engines.sdf_sidecar import (
     sdf_without_bounds,
     sdf_without_friction,
 )
-from physics_crosscheck.harness.engines.source import one_line, shortened
+from physics_crosscheck.harness.engines.source import load_failure, one_line, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -398,7 +396,7 @@ class DartModel(UrdfModel):
             skeleton = load(self.declared.text, self.path, self.floats)
         message = _COLOUR.sub("", one_line(" ".join(printed)))
         if skeleton is None:
-            raise EngineError(f"{self.path}: DART can't load it: {message}")
+            raise load_failure("DART", self.path, message)
         self._printed = (message,) if message else ()
         balls = ball_dampers(self.declared.robot) if self.settings["ball_damping"] else {}
         for name, damping in balls.items():

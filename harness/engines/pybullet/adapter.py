@@ -71,7 +71,13 @@ from physics_crosscheck.harness.engines.pybullet.stepper import (
 )
 from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, one_line, refused, shortened
+from physics_crosscheck.harness.engines.source import (
+    engine_errors,
+    load_failure,
+    one_line,
+    refused,
+    shortened,
+)
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
@@ -376,7 +382,7 @@ class PybulletModel(LoadedModel):
                 return int(p.loadURDF(str(path), useFixedBase=fixed, flags=flags))
         except p.error as error:
             reason = messages[-1] if messages else one_line(error)
-            raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
+            raise load_failure("PyBullet", spec.path, reason) from None
 
     def _setting(self, key: str) -> float | bool:
         value = self._declared[0].settings.get(key, DEFAULTS[key])

@@ -3,8 +3,6 @@
 Content of an SDFormat file beyond the bodies and joints of one model, counted by kind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
