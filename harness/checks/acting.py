@@ -1,7 +1,5 @@
 """Quantities that the numbers of a file act as in an engine, without a motion."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence

@@ -6,8 +6,6 @@ other checks. A step is unstable if its linearization has an eigenvalue outside 
 unless the equations grow alike, as an inverted pendulum does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -310,7 +310,7 @@ def _reversed(numbers: ModelFile) -> Iterator[Hypothesis]:
     axes: dict[str, dict[int, float]] = {}
     relevant = set(numbers.relevant_numbers)
     for i, number in enumerate(numbers.numerals):
-        if AXIS.fullmatch(number.path) and (joint := joint_of(number.element)):
+        if AXIS.fullmatch(number.path) and (joint := joint_of(number.within)):
             axes.setdefault(joint, {})[i] = number.value
     for joint, values in axes.items():
         units = {i: -2.0 * value for i, value in values.items() if value}

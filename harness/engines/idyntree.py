@@ -5,8 +5,6 @@ ignore limits, contacts and `<mimic>`. A link without mass on a fixed joint beco
 neighbour, so the base link can differ from the file's root.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 

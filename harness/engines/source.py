@@ -2,12 +2,11 @@
 line.
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
 
@@ -16,7 +15,13 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
-from physics_crosscheck.harness.engines.protocol import EngineError, UnsupportedError
+from physics_crosscheck.harness.documents.usd import UsdStage, stage_of
+from physics_crosscheck.harness.engines.protocol import (
+    EngineError,
+    ModelSpec,
+    Sample,
+    UnsupportedError,
+)
 
 
 class NoXmlError(EngineError):
@@ -80,6 +85,28 @@ def read_source(path: Path) -> str:
         raise EngineError(f"can't be read: {error.strerror or error}", file=path) from None
     except UnicodeDecodeError as error:
         raise EngineError(f"can't be read: {error}", file=path) from None
+
+
+def open_stage(spec: ModelSpec) -> UsdStage:
+    """Open a stage of USD.
+
+    Raises:
+        EngineError: naming layer, line and remedy.
+    """
+    try:
+        return stage_of(spec.path, spec.settings)
+    except LocationError as error:
+        message = f"{error.sentence}; {error.remedy}"
+        raise EngineError(message, file=error.file, line=error.line) from None
+
+
+def with_stage_settings(spec: ModelSpec) -> ModelSpec:
+    """Return a stage of USD with the settings that it states; the sidecar overrides them.
+
+    Raises:
+        EngineError: as `open_stage`.
+    """
+    return replace(spec, settings={**open_stage(spec).settings, **spec.settings})
 
 
 @contextmanager
@@ -196,3 +223,38 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
         check_memory(error)
         problem = f"{title} raises {type(error).__name__}: {one_line(error)}"
         raise EngineError(problem, file=Path(path)) from error
+
+
+def sample_stages() -> tuple[Sample, ...]:
+    """Return a fixed base with a hinge, and on it a slide and a hinge with a drive."""
+    bodies = (("base", 2.0, 0.0), ("upper", 1.5, 0.5), ("rod", 0.7, 0.1), ("tip", 0.4, 0.1))
+    joints = (
+        ("hinge", "Revolute", "Y", "base", "upper", 0.5, ""),
+        ("slide", "Prismatic", "X", "upper", "rod", -0.4, ""),
+        ("wrist", "Revolute", "X", "upper", "tip", -0.4, "angular"),
+    )
+    text = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
+    text += 'def PhysicsScene "scene"\n{\n}\n'
+    text += 'def Xform "arm" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])\n{\n'
+    for name, mass, height in bodies:
+        schemas = '["PhysicsRigidBodyAPI", "PhysicsMassAPI"]'
+        text += f'def Xform "{name}" (prepend apiSchemas = {schemas})\n{{\n'
+        text += f"    double3 xformOp:translate = (0, 0, {height})\n"
+        text += '    uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+        text += f"    float physics:mass = {mass}\n"
+        text += "    point3f physics:centerOfMass = (0.05, 0.02, -0.15)\n"
+        text += f"    float3 physics:diagonalInertia = ({mass / 50}, {mass / 60}, {mass / 80})\n"
+        text += "    quatf physics:principalAxes = (0.98, 0.1, 0.15, 0.08)\n}\n"
+    text += 'def PhysicsFixedJoint "anchor"\n{\n    rel physics:body1 = </arm/base>\n}\n'
+    for name, kind, axis, parent, child, height, drive in joints:
+        schemas = f' (prepend apiSchemas = ["PhysicsDriveAPI:{drive}"])' if drive else ""
+        text += f'def Physics{kind}Joint "{name}"{schemas}\n{{\n'
+        text += f'    uniform token physics:axis = "{axis}"\n'
+        text += f"    rel physics:body0 = </arm/{parent}>\n    rel physics:body1 = </arm/{child}>\n"
+        text += f"    point3f physics:localPos0 = (0, 0, {height})\n"
+        if drive:
+            text += f"    float drive:{drive}:physics:stiffness = 0.02\n"
+            text += f"    float drive:{drive}:physics:damping = 0.001\n"
+        text += "}\n"
+    names = ("arm.usd", "arm.usda")
+    return tuple(Sample(file=one, text=text + "}\n", settings={"step": 0.01}) for one in names)

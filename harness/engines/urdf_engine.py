@@ -1,7 +1,5 @@
 """The shared base of adapters that read URDFs and have one state at a time."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, SUFFIXES
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.protocol import (
@@ -23,7 +22,7 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
-from physics_crosscheck.harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.source import engine_errors, with_stage_settings
 from physics_crosscheck.harness.engines.tree_model import TreeModel
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
@@ -44,7 +43,7 @@ CONTROLS = "controls"
 """The setting for held actuator inputs."""
 
 _STATED: Mapping[str, Callable[[ModelSpec], ModelSpec]] = MappingProxyType(
-    {SDF: stated, MJCF: with_options}
+    {SDF: stated, MJCF: with_options, **dict.fromkeys(SUFFIXES, with_stage_settings)}
 )
 """Readers of values that these formats state and others need as settings."""
 
@@ -78,6 +77,7 @@ class UrdfEngine(Engine):
             {ARMATURES}
             | self.switches & {CONTROLS}
             | ({MODEL} if spec.path.suffix == SDF else set())
+            | (set(STAGE_SETTINGS) if spec.path.suffix in SUFFIXES else set())
         )
         check_settings(
             spec, self.title, self.default_settings_note, self.defaults, self.words, others

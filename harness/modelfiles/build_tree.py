@@ -1,23 +1,28 @@
 """The bodies of a file as a tree; joints without inertia are fixed if that makes it valid."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, Protocol
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document, FileLink, Mimic, read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.errors import quote
+from physics_crosscheck.harness.documents.errors import ReadError, ReadKind, quote
 from physics_crosscheck.harness.documents.sdf.read import SdfJoint
 from physics_crosscheck.harness.documents.urdf import UrdfJoint
-from physics_crosscheck.reference.mechanism.assemble import Assembled, assembled
-from physics_crosscheck.reference.mechanism.bodies import BodyModel, Coupling, RigidBody, Triple
+from physics_crosscheck.reference.mechanism.assemble import Assembled, assemble
+from physics_crosscheck.reference.mechanism.bodies import (
+    BodyModel,
+    Coupling,
+    ForceElement,
+    RigidBody,
+    Triple,
+)
 from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
 from physics_crosscheck.reference.mechanism.tree import Tree
 from .inertias import massless_groups
@@ -105,8 +110,20 @@ def _size(form: XmlElement) -> tuple[float, ...] | None:
     return tuple(sizes)
 
 
-Elements = Mapping[str, XmlElement]
-"""Elements by the names of links or joints."""
+Elements = Mapping[str, Any]
+"""Elements of a file in any syntax, by the names of links or joints."""
+
+
+class ProblemList(Protocol):
+    """A file, to which problems of its elements are added."""
+
+    path: Path
+    obstacles: list[ReadError]
+
+    def add_problem(
+        self, element: Any, sentence: str, remedy: str, kind: ReadKind = "robot"
+    ) -> None:
+        """Add a problem that prevents building a tree."""
 
 
 def build_robot(
@@ -133,19 +150,62 @@ def build_robot(
         left_out, floats, stated: as in `Robot`.
         gravity: m/s^2.
     """
+    return built_robot(
+        document,
+        name=name,
+        root=document.root,
+        links={name: one.element for name, one in links.items()},
+        joints={name: one.element for name, one in joints.items()},
+        mimics=mimics,
+        bodies_with=bodies_with,
+        parts=tuple(_part_of(document, link) for link in links.values()),
+        placed=placed_in(links, document.path),
+        left_out=left_out,
+        gravity=gravity,
+        floats=floats,
+        stated=stated,
+        repeated=tuple(document.repeated.values()),
+    )
+
+
+def built_robot(
+    document: ProblemList,
+    *,
+    name: str,
+    root: Any,
+    links: Elements,
+    joints: Elements,
+    mimics: Mapping[str, Mimic],
+    bodies_with: Callable[[Collection[str]], tuple[RigidBody, ...]],
+    parts: tuple[LinkPart, ...],
+    placed: tuple[PlacedShape, ...],
+    left_out: tuple[Omission, ...],
+    gravity: Triple,
+    floats: bool,
+    pulls: tuple[ForceElement, ...] = (),
+    stated: Mapping[str, object] = MappingProxyType({}),
+    repeated: tuple[ReadError, ...] = (),
+) -> Robot:
+    """Return the robot of a file in any syntax, as `build_robot`.
+
+    Args:
+        document: the file, with its problems.
+        root: its element, for problems of the whole file.
+        links, joints: elements by the names of links and joints, for problems.
+        pulls: forces along joints.
+    """
     path, still = document.path, tuple[str, ...]()
-    elements = {name: one.element for name, one in links.items()}
-    moving = {name: one.element for name, one in joints.items()}
-    parts = tuple(_part_of(document, link) for link in links.values())
     while not document.obstacles:
         bodies = bodies_with(still)
         followers = couplings({name: one for name, one in mimics.items() if name not in still})
-        built = assembled(bodies, gravity, couplings=followers)
-        groups = _massless(document, built, elements)
-        more = _holdable(built.tree, groups, moving, mimics)
+        model = BodyModel(bodies=bodies, gravity=gravity, pulls=pulls, couplings=followers)
+        model = replace(model, pulls=model.without(still).pulls)
+        built = assemble(model)
+        groups = _massless(document, root, built, links)
+        more = _holdable(built.tree, groups, joints, mimics)
         if not more:
             for group in groups:
-                _add_resting_problem(document, built.tree, group, elements, moving)
+                _add_resting_problem(document, built.tree, group, links, joints)
             break
         still += more
     if document.obstacles:
@@ -160,16 +220,18 @@ def build_robot(
         home=home_of(built.tree, built.limits),
         left_out=(*left_out, *held),
         obstacles=(),
-        body_model=BodyModel(bodies=bodies, gravity=gravity, couplings=followers),
+        body_model=model,
         held=still,
         floats=floats,
-        placed=placed_in(links, path),
+        placed=placed,
         stated=dict(stated),  # a proxy can't be sent between processes
-        repeated=tuple(document.repeated.values()),
+        repeated=repeated,
     )
 
 
-def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tuple[int, ...], ...]:
+def _massless(
+    document: ProblemList, root: Any, built: Assembled, links: Elements
+) -> tuple[tuple[int, ...], ...]:
     """Return groups of joints that move no inertia together; note other problems with masses."""
     for name in built.cancelled:
         document.add_problem(
@@ -184,13 +246,13 @@ def _massless(document: Document, built: Assembled, links: Elements) -> tuple[tu
     groups, tree = massless_groups(built.tree, built.limits), built.tree
     if groups is None:
         document.add_problem(
-            document.root,
+            root,
             "its mass matrix is not finite",
             "write masses in kg and lengths in m",
         )
     if len(groups or ()) == len(tree.links) > 1:
         document.add_problem(
-            document.root,
+            root,
             f"none of its {len(tree.links)} joints moves anything with inertia: the "
             "file describes kinematics only",
             "give its links mass and inertia",
@@ -220,7 +282,7 @@ def _holdable(
 
 
 def _add_resting_problem(
-    document: Document,
+    document: ProblemList,
     tree: Tree,
     group: tuple[int, ...],
     links: Elements,

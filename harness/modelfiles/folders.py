@@ -1,7 +1,5 @@
 """Locations of system folders: those that the user names, or the built-in ones."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -11,6 +9,8 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.documents.expanded import RENAMED
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES
+from physics_crosscheck.harness.documents.usd import SUFFIXES, USD_HEAD
 from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
@@ -39,6 +39,7 @@ FORMATS: Mapping[str, Format] = {
     ".urdf": Format(package="urdf"),
     ".sdf": Format(package="sdf"),
     ".xml": Format(package="mjcf", strict=False, head=rb"<mujoco(?!include)"),
+    **dict.fromkeys(SUFFIXES, Format(package="usd", is_xml=False, head=USD_HEAD)),
 }
 """Formats by suffix. A new one is a package beside this module, with two functions of a file and of
 settings of the engines that run it: `read` returns a `Robot`, `numbers` a `ModelFile`.
@@ -64,7 +65,8 @@ def is_robot(file: Path) -> bool:
         return False
     try:
         with file.open("rb") as opened:
-            return re.search(kind.head, opened.read(HEAD_BYTES)) is not None
+            head = opened.read(HEAD_BYTES if kind.is_xml else MAX_MODEL_BYTES)
+            return re.search(kind.head, head) is not None
     except OSError:
         return False
 

@@ -3,8 +3,6 @@
 Numbers are read as tolerantly as the file itself: commas may separate them.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from abc import ABC, abstractmethod
@@ -224,4 +222,5 @@ def copy_with_texts(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Pa
     for neighbour in top.iterdir():
         if neighbour.name != "__pycache__" and not (folder / neighbour.name).exists():
             (folder / neighbour.name).symlink_to(neighbour)
-    return folder / file.resolve().relative_to(top)
+    copied = file if file in texts else next(iter(texts))  # a layer over the file
+    return folder / copied.resolve().relative_to(top)

@@ -1,12 +1,11 @@
 """The files that a model file names, directly and indirectly."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
 import stat
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import check_harmless, read_elements
@@ -17,6 +16,7 @@ from physics_crosscheck.harness.documents.reading import (
     not_plain_file_error,
     read_regular,
 )
+from physics_crosscheck.harness.documents.usd import CRATE, SUFFIXES
 from physics_crosscheck.harness.engines.registry import engines_reading
 from .code_reads import digest
 
@@ -119,8 +119,38 @@ def _is_xml(model: Path) -> bool:
     return ".xml" in (e.syntax.get(model.suffix) for e in engines_reading(model.suffix))
 
 
+_ASSET = re.compile(rb"@([^@\n]+)@")
+"""Names of files in a text layer of USD."""
+
+MAX_BESIDE = 500
+"""The most layers beside a binary one that may be parts of it."""
+
+
+def _layers(model: Path) -> dict[Path, bool]:
+    """Return files that a stage of USD names; beside a binary layer, which hides names, each
+    layer of the folder.
+    """
+    result: dict[Path, bool] = {}
+    waiting = [model]
+    while waiting:
+        path = waiting.pop()
+        data = read_regular(path, MAX_MODEL_BYTES)
+        names = [name.decode(errors="replace") for name in _ASSET.findall(data)]
+        files = [path.parent / name.partition("[")[0].partition(":SDF_")[0] for name in names]
+        if data.startswith(CRATE):
+            layers = (one for one in model.parent.rglob("*.usd*") if one.suffix in SUFFIXES)
+            files = sorted(islice(layers, MAX_BESIDE))
+        for file in map(Path, map(os.path.normpath, files)):
+            if file not in result and file != model and _is_file(file):
+                result[file] = file.suffix in SUFFIXES
+                waiting += [file] if result[file] else []
+    return result
+
+
 def _walk(model: Path) -> tuple[dict[Path, bool], int]:
     """Return named files, each with whether it is a part of the model, and the depth of parts."""
+    if model.suffix in SUFFIXES:
+        return _layers(model), 0
     result: dict[Path, bool] = {}
     first = {os.path.realpath(model): model}  # a file has one spelling, the first that occurs
     level = [model] if _is_xml(model) else []

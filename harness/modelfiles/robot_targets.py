@@ -1,7 +1,5 @@
 """Robot files among the names of a command line, and below a folder."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re
@@ -24,8 +22,10 @@ from physics_crosscheck.harness.documents.expanded import (
 )
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
+from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.results.visible import odd_name, visible
 from .folders import FORMATS, FolderError, is_robot, is_system, similar_path
+from .parts import included
 
 ROBOT = "robot:"
 """Prefix of a robot's name in robot_descriptions."""
@@ -252,7 +252,9 @@ def _below(here: Path) -> tuple[list[Path], list[Path]]:
         if is_system(base):
             folders.append(base)
         files += [base / name for name in names if is_robot(base / name)]
-    return folders, files
+    stages = [one for one in files if one.suffix in SUFFIXES]
+    layers = {os.path.normpath(part) for one in stages for part in included(one)}
+    return folders, [one for one in files if os.path.normpath(one) not in layers]
 
 
 def _walk(here: Path) -> Iterator[tuple[Path, list[str]]]:

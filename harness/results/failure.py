@@ -1,7 +1,5 @@
 """Failure messages of pytest and the function API, and audit findings as lines."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby

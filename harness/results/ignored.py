@@ -1,7 +1,5 @@
 """Findings that a project ignores: by `--select`, `--ignore`, or a comment in a model file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Pages of the message codes: for a terminal, and as Markdown for the site."""
 
-from __future__ import annotations
-
 import difflib
 import re
 import textwrap

@@ -6,8 +6,6 @@ Only the rows and drives whose numbers differ are evaluated again, at the soluti
 laws: the change of the gradient there, times the inverse of the Hessian, is the effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -17,6 +17,7 @@ from tests.compare.arm import MJCF
 from tests.compare.asking import changed, compared, laws, model, result
 from tests.compare.test_acting import SOFT, URDF
 from tests.models import written
+from tests.report.page import Page
 from tests.robots.files import LAMP
 
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,10 @@ def test_difference_exits_1_and_is_printed_and_recorded(tmp_path: Path) -> None:
     assert str(comparison.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
     assert comparison.runs.count > comparison.runs.driven > 0
     assert [one.case for one in record.models] == [None, None]  # sidecars add to the files
+    assert "Report: reports/compare.html" in done.stdout
+    lines = Page((tmp_path / "reports" / "compare.html").read_text()).lines("overview")
+    assert lines[1] == f"{a} {address}: 0.024, {b}: 0.024012 (100 % of the difference)"
+    assert any(row.startswith("| principal moments of inertia of link rod") for row in lines), lines
 
 
 def test_engine_that_alters_its_file_is_named_with_the_line(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
+from physics_crosscheck.harness.documents.usd import SUFFIXES, stage_of
 from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart, Robot
 from physics_crosscheck.harness.records.base import SourceLine
@@ -37,6 +38,7 @@ from .facts import (
 )
 from .hull import Hull, uniform
 from .mirror import mirrored_parts
+from .usd import stage_advice
 
 NAMED = 3
 """Most links or joints that a message names."""
@@ -599,6 +601,8 @@ def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     facts = RobotFacts(robot, robot.tree)
     with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
         advice = [one for judge in KINDS for one in judge(facts)]
+        if robot.file.suffix in SUFFIXES:
+            advice += stage_advice(stage_of(robot.file, robot.stated))
     advice.sort(key=lambda one: (_ORDER.index(one[1].kind), -one[0]))
     return (*(finding for _, finding in advice), *_uncompared(facts))
 

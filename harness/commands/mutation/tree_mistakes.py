@@ -1,7 +1,6 @@
 """Typical mistakes in the file of a robot, and in the settings of an engine for it."""
 
-from __future__ import annotations
-
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 
@@ -77,7 +76,7 @@ def _changed(name: str, place: str, group: Group, values: Mapping[int, float]) -
     addresses = [group[i].address for i in values]
     causes = {CauseId(kind="literal", subject=(address,)) for address in addresses}
     causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
-    if joint := joint_of(group[next(iter(values))].element):
+    if joint := joint_of(group[next(iter(values))].within):
         causes.add(CauseId(kind="axis", subject=(joint,)))
     yield Mistake(name, place, Edit(numbers=values), frozenset(causes))
 
@@ -105,6 +104,10 @@ def _in_grams(group: Group) -> dict[int, float]:
     return {i: GRAMS * one.value for i, one in group.items()}
 
 
+def _per_radian(group: Group) -> dict[int, float]:
+    return {i: math.degrees(one.value) for i, one in group.items()}
+
+
 def _exchanged(group: Group) -> dict[int, float]:
     """Exchange the first and the last moment, as about x and z; products stay."""
     moments = [i for i, one in group.items() if not re.search(r"i(xy|xz|yz)$", one.path)]
@@ -116,9 +119,22 @@ def _exchanged(group: Group) -> dict[int, float]:
 
 _FAMILIES: tuple[tuple[str, str, Callable[[Group], dict[int, float]]], ...] = (
     (AXIS.pattern, "axis flipped", _reversed),
-    (r".*(mass@value|inertial/mass|inertial@mass)", "grams for kilograms", _in_grams),
-    (r".*(inertia[@/]i[xyz]{2}|@diaginertia)", "moments exchanged", _exchanged),
-    (r".*(inertial/origin@xyz|inertial@pos)", "centre of mass left out", _dropped),
-    (r".*inertial/origin@rpy", "rotation of the inertia left out", _dropped),
+    (r".*(mass@value|inertial/mass|inertial@mass|@physics:mass)", "grams for kilograms", _in_grams),
+    (
+        r".*(inertia[@/]i[xyz]{2}|@diaginertia|@physics:diagonalInertia)",
+        "moments exchanged",
+        _exchanged,
+    ),
+    (
+        r".*(inertial/origin@xyz|inertial@pos|@physics:centerOfMass)",
+        "centre of mass left out",
+        _dropped,
+    ),
+    (
+        r".*(inertial/origin@rpy|@physics:principalAxes)",
+        "rotation of the inertia left out",
+        _dropped,
+    ),
+    (r".*@(drive:(ang|rot).*:(stiffness|damping)|newton:damping)", "per radian", _per_radian),
 )
 """Paths of numbers, the mistake, and the values that it gives to a list of them."""

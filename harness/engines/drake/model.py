@@ -3,8 +3,6 @@
 Drake warns about inertias that it substitutes for impossible ones, in its log.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 from abc import abstractmethod

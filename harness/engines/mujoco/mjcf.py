@@ -1,7 +1,5 @@
 """An MJCF, or a URDF for MuJoCo, before compilation: stated values and their places."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import defaultdict
@@ -272,12 +270,12 @@ def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) ->
     return load_failure("MuJoCo", path, reason + _hint(reason), line=known_line)
 
 
-_UNRECOGNIZED = re.compile(r"unrecognized (attribute|element).*?(?:'(\w+)' )?Element '(\w+)'")
+UNRECOGNIZED = re.compile(r"unrecognized (attribute|element).*?(?:'(\w+)' )?Element '(\w+)'")
 
 
 def _hint(reason: str) -> str:
     """Return the name in MuJoCo's schema that an unrecognized one probably stands for."""
-    match = _UNRECOGNIZED.search(reason)
+    match = UNRECOGNIZED.search(reason)
     if match is None:
         return ""
     tags = _schema()

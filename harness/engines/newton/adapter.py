@@ -1,4 +1,4 @@
-"""Newton, on URDF and MJCF: its own solver in generalized coordinates, with 32-bit numbers.
+"""Newton, on URDF, MJCF and USD: its own solver in generalized coordinates, with 32-bit numbers.
 
 There are no contacts: Newton detects them in a separate call, which the adapter does not make.
 
@@ -7,7 +7,7 @@ A batch of worlds of one model, one per state, stepped together.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.engines.mjcf_engine import sample_mjcf
-from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
 from physics_crosscheck.harness.engines.newton.reading import (
@@ -28,6 +28,7 @@ from physics_crosscheck.harness.engines.newton.reading import (
     new_builder,
     without_limit_forces,
 )
+from physics_crosscheck.harness.engines.newton.usd import read_usd
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -40,9 +41,9 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, shortened
+from physics_crosscheck.harness.engines.source import engine_errors, sample_stages, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces
-from physics_crosscheck.harness.engines.urdf import SETTINGS, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf import UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
@@ -67,8 +68,9 @@ class Worlds:
     def _batch_of(self, count: int) -> _Batch:
         import newton
 
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=self._builder.gravity)
-        builder.replicate(self._builder, count)
+        given = self._builder
+        builder = newton.ModelBuilder(up_axis=given.up_axis, gravity=given.gravity)
+        builder.replicate(given, count)
         return _Batch(builder.finalize(device="cpu", skip_validation_inertia=True))
 
     def rollout(
@@ -213,7 +215,7 @@ class NewtonEngine(UrdfEngine):
 
     name = "newton"
     title = "Newton"
-    formats = (".urdf", ".xml")
+    formats = (".urdf", ".xml", *SUFFIXES)
     package, distribution, extra = "newton", "newton", "newton"
     defaults = DEFAULTS
     capabilities = (
@@ -230,22 +232,20 @@ class NewtonEngine(UrdfEngine):
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
 
     def load(self, spec: ModelSpec) -> LoadedModel:
-        """Load a URDF or an MJCF; an MJCF states step and gravity itself."""
+        """Load a file; an MJCF states step and gravity itself."""
         if "controls" in spec.settings:
             raise EngineError(f"{spec.path}: it has actuators, which {DROPS}")
-        return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
+        return super().load(spec)
 
     def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
-        return NewtonUrdf(spec) if spec.path.suffix == ".urdf" else NewtonMjcf(spec)
-
-    def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Return the settings of a URDF: step and gravity."""
-        return SETTINGS if suffix == ".urdf" else {}
+        if spec.path.suffix == ".urdf":
+            return NewtonUrdf(spec)
+        return NewtonTree(spec, read_usd if spec.path.suffix in SUFFIXES else read_mjcf)
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
-        return (sample_urdf(), sample_mjcf(armature=""))
+        return (sample_urdf(), sample_mjcf(armature=""), *sample_stages())
 
 
 class NewtonModel(LoadedModel):
@@ -345,17 +345,20 @@ class NewtonUrdf(NewtonModel, UrdfModel):
         yield from NewtonModel.remarks(self, z, w)
 
 
-class NewtonMjcf(NewtonModel):
-    """An MJCF."""
+class NewtonTree(NewtonModel):
+    """An MJCF or a stage of USD, which `read` parses."""
 
-    def __init__(self, spec: ModelSpec) -> None:
+    def __init__(
+        self, spec: ModelSpec, read: Callable[[ModelSpec, Mapping[str, object]], ParsedModel]
+    ) -> None:
         settings = {**DEFAULTS, **spec.settings}
-        for key in ("held", "floating", "collapse_fixed_joints"):
+        others = ("held", "floating") if read is read_mjcf else ()
+        for key in (*others, "collapse_fixed_joints"):
             if settings.get(key):
                 raise EngineError(f"{spec.path}.toml: Newton's adapter takes {key} only for URDFs")
         self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
         self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
-        self._take(spec, read_mjcf(spec, settings))
+        self._take(spec, read(spec, settings))
 
     @property
     def sampling_range(self) -> Array:

@@ -51,7 +51,7 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     lost: dict[str, Mapping[str, object]] = {}
     with collect_warnings(messages):
         tendons = tuple(_tendons(builder, layout, spec.path))
-        if _equal(builder, layout, followers, bool(settings["equalities"])):
+        if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
     if tendons and not settings["tendons"]:
         lost[TENDONS] = {"tendons": True}
@@ -147,7 +147,9 @@ def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
         yield Spring(named, k, c, lower)
 
 
-def _equal(builder: Any, layout: Layout, followers: Collection[str] | None, held: bool) -> bool:
+def equal_joints(
+    builder: Any, layout: Layout, followers: Collection[str] | None, held: bool
+) -> bool:
     """Add mimic joints, which Newton's solver enforces; return whether any is left out."""
     lost = False
     rows = zip(

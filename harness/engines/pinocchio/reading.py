@@ -1,7 +1,5 @@
 """A file as Pinocchio reads it: its model and the frames of its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -334,10 +334,12 @@ class PybulletModel(LoadedModel):
         robot = file.document.root
         p.resetSimulation()
         # PyBullet caches files by name even across a reset, so a rewritten file would not be read
-        # again. The default residual threshold would stop the solver early, at 1e-7.
+        # again. The default residual threshold would stop the solver early, at 1e-7; at 1e-30, the
+        # square of a speed, further iterations change rounding only.
         p.setPhysicsEngineParameter(
-            enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
-        )
+            enableFileCaching=0, numSubSteps=0, numSolverIterations=200,
+            solverResidualThreshold=1e-30,
+        )  # fmt: skip
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         self._body = self._load_file(self._changes)

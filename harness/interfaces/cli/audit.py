@@ -1,7 +1,5 @@
 """`crosscheck audit`: literals, compiled terms and engine defaults, without motion."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

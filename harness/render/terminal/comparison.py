@@ -234,7 +234,7 @@ def _is_stated(compared: Compared) -> bool:
 
 def _print_brief(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print the verdict, what got lost or changed from A to B, and the motions' difference."""
-    fix, *motions = _print_outcome(console, comparison, compared) or [""]
+    fix, *motions = _print_outcome(console, comparison, compared)
     if compared.rounding is None:
         _print_stated(console, comparison, compared, fix)
     for line in motions[:1]:
@@ -394,34 +394,41 @@ def _not_compared(compared: Compared) -> str:
 
 def _print_outcome(console: Console, comparison: ComparisonResult, compared: Compared) -> list[str]:
     """Print the verdict with the first cause; return the remedy, and lines on the motions."""
-    outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
-    size = f"{_size(compared.discrepancy)}, uncertainty {_size(compared.uncertainty)}"
+    outcome = comparison.outcome
+    text, remedy, motions = verdict_sentences(comparison, compared)
+    text = text if outcome is Outcome.AGREES else with_code(comparison.code, text)
+    print_wrapped(console, text, lead=f"{WORDS[outcome]}  ", style=STYLES[outcome], indent=2)
+    return [remedy and f"Fix: {remedy}", *(f"  {line}" for line in motions)]
+
+
+def verdict_sentences(
+    comparison: ComparisonResult, compared: Compared
+) -> tuple[str, str, list[str]]:
+    """Return the verdict with the first cause, the remedy or "", and lines on the motions."""
+    outcome, size = comparison.outcome, _size(compared.discrepancy)
+    size = f"{size}, uncertainty {_size(compared.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
     if outcome is Outcome.AGREES:
         engines = " and ".join(dict.fromkeys(model.engine for model in comparison.models))
         both = " and ".join(dict.fromkeys(names))
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
-        text = f"{move}: difference {size}"
-        if compared.rounding is not None:
-            rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
-            text = f"{both}: {rounded}; motions differ by {size}"
-        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
-        return []
+        if compared.rounding is None:
+            return f"{move}: difference {size}", "", []
+        is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
+        digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
+        rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
+        return f"{both}: {rounded}; motions differ by {size}", "", []
     if compared.decisive is not None:
         share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
         cause, remedy = _property_cause(compared.decisive, share, names)
-        text = with_code(comparison.code, cause)
-        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
-        fix = remedy and f"Fix: {remedy}"
-        return [fix, f"  motions without such forces are alike: difference {size}"]
+        return cause, remedy, [f"motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = with_code(comparison.code, _own_cause(comparison) or cause or comparison.reason)
-    print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
+    text = _own_cause(comparison) or cause or comparison.reason
     if outcome is not Outcome.DIFFERS:
-        return ["", f"  difference {size}, on {compared.component}"]
-    fix = remedy and f"Fix: {remedy}"
-    several = [f"  by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
-    return [fix, f"  motions differ by {size}, on {compared.component}", *several]
+        return text, "", [f"difference {size}, on {compared.component}"]
+    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
+    motions = [f"motions differ by {size}, on {compared.component}", *several]
+    return text, remedy, motions
 
 
 def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
@@ -505,6 +512,15 @@ def _explained_share(compared: Compared, count: int) -> str:
     return f" ({_share(compared.explained)} of the difference{others})"
 
 
+def values_of(row: ComparedProperty) -> tuple[str, str, str]:
+    """Return the name of a property and its values in A and B; "" if the sentence has no values."""
+    match = VALUES.fullmatch(row.message)
+    if match is None:
+        return "", "", ""
+    subject, what, here, there, _ = match.groups()
+    return f"{what.strip()} of {subject}" if what else subject, here, there
+
+
 def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> tuple[str, str]:
     a, b = (
         line_name(where) if where else name
@@ -512,11 +528,9 @@ def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> 
     )
     if row.where_a is not None and row.where_b is not None:
         a, b = _line_names(row.where_a, row.where_b)
-    match = VALUES.fullmatch(row.message)
-    if match is None:
+    label, here, there = values_of(row)
+    if not label:
         return f"{a}, {b}: {row.message}{share}", ""
-    subject, what, here, there, _ = match.groups()
-    label = f"{what.strip()} of {subject}" if what else subject
     cause = f"{a} {label}: {here}, {b}: {there}{share}"
     if row.remedy or {"none", "some"} & {here, there}:
         return cause, row.remedy

@@ -1,0 +1,117 @@
+"""A USD stage as Newton reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.documents.document import free_name
+from physics_crosscheck.harness.documents.usd import UsdStage, is_outside, unique_tails
+from physics_crosscheck.harness.engines.newton.layout import Layout
+from physics_crosscheck.harness.engines.newton.mjcf import EQUALITIES, equal_joints
+from physics_crosscheck.harness.engines.newton.reading import (
+    ParsedModel,
+    collect_warnings,
+    correct_inertias,
+    new_builder,
+    without_limit_forces,
+)
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
+from physics_crosscheck.harness.engines.source import open_stage
+from physics_crosscheck.harness.engines.urdf_copy import followers_of
+
+
+def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
+    """Read a stage whose settings are valid.
+
+    Raises:
+        EngineError: for units that Newton does not convert, and for joints of several axes.
+    """
+    stage = open_stage(spec)
+    if (stage.unit, stage.mass_unit) != (1.0, 1.0):
+        units = f"metersPerUnit {stage.unit:g} and kilogramsPerUnit {stage.mass_unit:g}"
+        raise EngineError(f"{spec.path}: Newton converts no units; it has {units}, expected 1")
+    joints = _names(stage, stage.pxr.UsdPhysics.Joint)
+    for prim in [stage.stage.GetPrimAtPath(path) for path in joints]:
+        if settings["smooth"] and is_outside(stage, prim):
+            stage.switch_off(prim)
+        elif joints[str(prim.GetPath())] in held_joints(spec):
+            stage.fix_joint(prim)
+    builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
+    import newton
+
+    with collect_warnings(messages):
+        builder.add_usd(
+            stage.stage,
+            schema_resolvers=[newton.usd.SchemaResolverNewton()],
+            load_visual_shapes=False,
+            load_static_visual_shapes=False,
+            enable_self_collisions=False,
+            apply_up_axis_from_stage=True,
+        )
+    followers = followers_of(settings, f"{spec.path}.toml")
+    if settings["smooth"]:
+        without_limit_forces(builder)
+    layout = Layout(builder, _joint_names(stage, builder, joints), np.zeros(len(builder.joint_qd)))
+    lost: dict[str, Mapping[str, object]] = {}
+    with collect_warnings(messages):
+        if equal_joints(builder, layout, followers, bool(settings["equalities"])):
+            lost[EQUALITIES] = {"equalities": True}
+    corrected = _point_bodies(stage, builder, keep=bool(settings["corrected_inertias"]))
+    if settings["corrected_inertias"]:
+        corrected += correct_inertias(builder, messages)
+    return ParsedModel(
+        builder=builder,
+        layout=layout,
+        springs=spec.springs,
+        lost=lost,
+        corrected=corrected,
+        messages=messages,
+    )
+
+
+def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> list[list[str]]:
+    """Return the names of the coordinates of each of Newton's joints: one if it moves.
+
+    Raises:
+        EngineError: for a joint of several axes.
+    """
+    bodies, names = _names(stage, None), []
+    rows = zip(builder.joint_label, builder.joint_child, builder.joint_dof_dim, strict=True)
+    for label, child, (lines, turns) in rows:
+        name = joints.get(label) or free_name(bodies[builder.body_label[child]], joints.values())
+        if lines + turns > 1 and (lines, turns) not in ((3, 3), (0, 3)):
+            raise EngineError(f"{stage.path}: Newton gives joint {name!r} several axes")
+        names.append([name][: lines + turns])
+    return names
+
+
+def _point_bodies(stage: UsdStage, builder: Any, *, keep: bool) -> list[str]:
+    """Return bodies without moments, for which Newton invents some; remove those unless `keep`."""
+    names = []
+    for i, label in enumerate(builder.body_label):
+        tensor = builder.body_inertia[i]
+        if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(tensor):
+            names += [label.rpartition("/")[2]] if keep else []
+            builder.body_inertia[i] = tensor if keep else type(tensor)(0.0)
+    return names
+
+
+def _is_point(stage: UsdStage, body: Any) -> bool:
+    """Return whether a body has no moments, for which Newton takes those of a ball."""
+    if (six := stage.stated(body, "newton:inertia")) is not None:
+        return not np.any(six)
+    usd, shape = stage.pxr.Usd, stage.pxr.UsdPhysics.CollisionAPI
+    below = usd.PrimRange(body, usd.TraverseInstanceProxies())
+    moments = stage.value(body, "physics:diagonalInertia", (0.0,) * 3)
+    return not np.any(moments) and not any(prim.HasAPI(shape) for prim in below)
+
+
+def _names(stage: UsdStage, kind: Any) -> dict[str, str]:
+    """Return the names of all joints, or of all bodies, by their paths."""
+    rigid = stage.pxr.UsdPhysics.RigidBodyAPI
+    prims = [one for one in stage.prims if (one.IsA(kind) if kind else one.HasAPI(rigid))]
+    paths = [str(one.GetPath()) for one in prims]
+    return dict(zip(paths, unique_tails(paths), strict=True))
