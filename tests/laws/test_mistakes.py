@@ -110,7 +110,7 @@ def test_ball_before_a_slide_is_named(row: tuple[str, str]) -> None:
     """Cover MuJoCo 4.0.0, whose dJ/dt v is off by the slide's velocity x the ball's."""
     ranking = diagnose_laws(problem_of(SLIDING.format('<joint type="slide" axis="1 2 3"/>', *row)))
     assert ranking.explained
-    assert "ball joint moves with the slides after it" in str(ranking.fits[0].causes[0])
+    assert "moves with a ball joint and slides after it" in str(ranking.fits[0].causes[0])
     assert ranking.fits[0].remaining < 1e-9
     right = problem_of(SLIDING.format("", *row)).judge(RESOLUTION)
     assert right.outcome is Outcome.AGREES
