@@ -207,6 +207,9 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an MJCF's joint equalities become mimics, which its solver enforces; it drops
     # equalities.
     "equalities": True,
+    # Whether joints of a USD stage without an articulation root are put into one; Newton's own
+    # solver leaves them out.
+    "articulations": False,
 })  # fmt: skip
 
 

@@ -296,7 +296,7 @@ VARIANT = option(
     type=variant_selection,
     default=[],
     metavar="SET=NAME",
-    help="Variant of a USD robot, instead of the one that its file selects",
+    help="Variant of a USD robot [as the file selects]",
 )
 OUTSIDE = option(
     "Robot files",
