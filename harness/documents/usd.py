@@ -148,9 +148,9 @@ class UsdStage:
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
-    def _select(self, variants: Mapping[str, str]) -> Mapping[str, str]:
-        """Select variants, and return the selection of all sets by prim and name."""
-        chosen: dict[str, str] = {}
+    def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
+        """Select variants, and return the selection of all sets, such as `size=large`."""
+        chosen: dict[str, None] = {}
         unused = dict(variants)
         for prim in self._traversed():
             sets = prim.GetVariantSets()
@@ -167,12 +167,13 @@ class UsdStage:
                     with self.pxr.Usd.EditContext(self.stage, self._session):
                         variant_set.SetVariantSelection(variants[name])
                     unused.pop(name, None)
-                chosen[f"{prim.GetPath()}{{{name}}}"] = variant_set.GetVariantSelection()
+                if selected := variant_set.GetVariantSelection():
+                    chosen[f"{name}={selected}"] = None
         if unused:
             raise LocationError(
                 f"it has no variant set {quote(next(iter(unused)))}", file=self.path
             )
-        return chosen
+        return tuple(chosen)
 
     def _traversed(self) -> list[Any]:
         usd = self.pxr.Usd

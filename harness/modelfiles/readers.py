@@ -110,7 +110,8 @@ def summary(robot: Robot) -> str:
     held = any(one.name in shaped for one in heavy)
     root = ", root free" if robot.floats else ", root held" if held else ""
     root = root if robot.file.suffix == ".urdf" else ""
-    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}{root}"
+    selection = f", {robot.selection}" if robot.selection else ""
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}{root}{selection}"
 
 
 FOLLOWERS = "joints that follow others"

@@ -127,6 +127,7 @@ class Robot:
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
         repeated: elements without effect, since an earlier one of their tag counts.
+        selection: selected variants of the file, in words.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Robot:
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
     repeated: tuple[ReadError, ...] = ()
+    selection: str = ""
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

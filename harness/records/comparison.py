@@ -191,7 +191,8 @@ class Compared(Record, frozen=True, kw_only=True):
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
         decisive: The difference that decides, if the motions agree; None if they decide.
-        rounding: Largest relative difference if all are rounding to six digits; None otherwise.
+        rounding: Largest relative difference if all are rounding to six digits, or to those of a
+            format; None otherwise.
     """
 
     discrepancy: Number

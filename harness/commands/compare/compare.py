@@ -30,6 +30,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.documents.expanded import relocated, with_sources
+from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
@@ -215,7 +216,13 @@ def _decided(
         return compared, Outcome.AGREES, ""
     rows = deciding(compared, options.resolution, unknown)
     every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
-    rounded = [row for row in every if is_rounding(row)] if _is_short(prepared) else []
+    rounded = []
+    if any(one.sidecar.model.suffix in SUFFIXES for one in prepared.models):
+        rounded = [
+            row for row in every if row.relative is not None and row.relative <= FLOAT_DIGITS
+        ]
+    elif _is_short(prepared):
+        rounded = [row for row in every if is_rounding(row)]
     rows = [row for row in rows if row not in rounded]
     largest = max((row.relative or 0.0 for row in rounded), default=0.0)
     moving = [row for row in every if row.moves]
@@ -270,6 +277,9 @@ STILL = 1e-12
 
 PLACES = ("anchor", "axis")
 """Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
+
+FLOAT_DIGITS = 5e-7
+"""Largest relative rounding of numbers that USD stores in 32 bits."""
 
 SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""

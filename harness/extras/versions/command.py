@@ -43,7 +43,7 @@ COMMAND = Command(
             metavar=("NAME", "VERSION"),
             help="Engine and at least two versions, as VERSION or VERSION=ENVIRONMENT (required)",
         ),
-        arguments.XACRO,
+        *arguments.SOURCES,
         arguments.floating(),
         arguments.RESOLUTION,
         arguments.DIAGNOSE,

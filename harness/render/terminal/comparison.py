@@ -390,7 +390,9 @@ def _print_outcome(console: Console, comparison: ComparisonResult, compared: Com
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         text = f"{move}: difference {size}"
         if compared.rounding is not None:
-            rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
+            is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
+            digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
+            rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
             text = f"{both}: {rounded}; motions differ by {size}"
         print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
         return []
