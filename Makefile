@@ -5,7 +5,7 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test pytest test-slow test-release test-engines test-python dist check docs bench soak fuzz clean
+.PHONY: report test pytest test-slow test-release test-engines test-physx test-python dist check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck demo --out reports
@@ -46,7 +46,7 @@ KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/drop \
 	pendulum_stop/system.py::pendulum_stop/robot.urdf/swing \
 	tipping_box/system.py::tipping_box/space.py/rock
 
-# Every engine of an extra: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
+# Every engine of `all-engines`: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
 ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
@@ -55,6 +55,13 @@ test-engines: .venv-engines/.ready
 	$(ALL)/python -m pytest -n 2 -m "mujoco or pybullet or pymunk or pinocchio" --crosscheck models \
 		--crosscheck-thorough $(KNOWN:%=--deselect 'models/events/%') models
 	$(ALL)/crosscheck gate --all --out build/gate
+
+# PhysX, whose licence keeps it out of `all-engines`: its conformance, page and tests. 1.2 GB. It pins
+# an older packaging by its metadata only.
+PHYSX := .venv-physx/bin
+test-physx: .venv-physx/.ready
+	REQUIRE_PHYSX=1 $(PHYSX)/python -m pytest -n 2 --dist loadfile tests/engines/test_extras_physx.py \
+		tests/engines/test_conformance.py tests/engines/test_pages.py -k physx
 
 # Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12
 # The wheel is tested there too, so `release` is not left out.
@@ -110,6 +117,13 @@ fuzz: .venv/.fuzz
 	$(PYTHON) -m venv .venv-engines
 	$(ALL)/python -m pip --disable-pip-version-check --quiet install \
 		--constraint constraints.txt --editable '.[dev,all-engines]'
+	touch $@
+
+.venv-physx/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-physx
+	grep -v '^packaging==' constraints.txt > .venv-physx/constraints.txt
+	$(PHYSX)/python -m pip --disable-pip-version-check --quiet install \
+		--constraint .venv-physx/constraints.txt --editable '.[physx]' pytest pytest-xdist
 	touch $@
 
 .venv/.docs: .venv/bin/python pyproject.toml constraints.txt

@@ -6,8 +6,6 @@ agrees: from states of the motion, ten steps on from there, and each step of a f
 leaves the decision to segments, so that single steps alone never report a difference.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -183,7 +181,8 @@ def suffices(
 
 def _evaluates_later(rule: StepRule) -> bool:
     """Return whether a rule evaluates some forces at the end of a step."""
-    return rule.damping is not None or rule.stiffness is not None or rule.by_velocity
+    matrices = rule.damping, rule.stiffness, rule.substeps
+    return rule.by_velocity or any(one is not None for one in matrices)
 
 
 def _run_steps(compared: SteppedModel, stepping: StepComparison, motion: Motion) -> RunSteps:

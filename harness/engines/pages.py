@@ -4,8 +4,6 @@
 markers and keeps the text around them. A test fails if they are not current.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -88,9 +86,12 @@ HELP: Mapping[str, str] = MappingProxyType({
     "default_moments": "Use the format's 1 kg m^2 for a missing `<inertia>`",
     "corrected_inertias": "Let Newton enlarge small moments of inertia",
     "collapse_fixed_joints": "Merge welded links as Newton does, with wrong inertias",
+    "articulations": "Put joints of a USD stage without articulation root into one",
     "massless_links": "Keep the moments of links without mass",
     "joint_friction": "Friction coefficient of every joint",
-    "bounded_speeds": "Limit the speeds of links and joints as SAPIEN does",
+    "bounded_speeds": "Limit the speeds of links and joints as the engine does",
+    "angular_damping": "Angular damping of every link, 1/s, unless the file states it",
+    "root_as_stated": "Free a fixed base whose body has the articulation root, as PhysX does",
     "dropped_inertials": "Drop inertials without mass or moments as SAPIEN does",
     "solver": "Solver: PGS or TGS",
     "collision_slop": "Overlap of shapes that is not corrected, m (`Space.collision_slop`)",
@@ -124,7 +125,7 @@ def own_settings(engine: Engine) -> dict[str, object]:
 def common_settings(engine: Engine) -> tuple[str, ...]:
     """Return the common settings that an engine takes."""
     names = {"step", "gravity", *engine.switches}
-    if engine.switches:
+    if engine.switches and ".urdf" in engine.formats:
         names.add("floating")
     return tuple(key for key in COMMON if key in names)
 

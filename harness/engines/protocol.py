@@ -26,6 +26,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     ContactPoint,
     Laws,
     Rules,
+    Substeps,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
 from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
@@ -47,6 +48,7 @@ class StepRule:
             the velocity: (M + h D + h^2 K) a = f - h K v. None: all are evaluated at the start.
         by_velocity: D is -df/dv of all forces instead.
         coupled: pairs of coordinates to which D is restricted, (nz, nz). None: all.
+        substeps: division of a step in which drives act joint by joint, for slides and hinges.
         besides: other effects that vanish with the step, such as "soft equalities".
     """
 
@@ -55,11 +57,14 @@ class StepRule:
     stiffness: NDArray[np.float64] | None = None
     by_velocity: bool = False
     coupled: NDArray[np.bool_] | None = None
+    substeps: Substeps | None = None
     besides: str = ""
 
     @property
     def name(self) -> str:
         """The rule in words, such as: semi-implicit Euler, dampers at the step's end."""
+        if self.substeps is not None:
+            return f"{self.scheme} in {self.substeps.count} substeps, drives joint by joint"
         if self.by_velocity:
             return f"{self.scheme}, forces by velocity at the step's end"
         implicit_terms = {"springs": self.stiffness, "dampers": self.damping}

@@ -1,7 +1,5 @@
 """The built-in adapters, and those that other distributions register."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from functools import lru_cache
@@ -13,6 +11,7 @@ from physics_crosscheck.harness.engines.idyntree import IdyntreeEngine
 from physics_crosscheck.harness.engines.installed import python_path
 from physics_crosscheck.harness.engines.mujoco import MjxEngine, MujocoEngine
 from physics_crosscheck.harness.engines.newton import NewtonEngine
+from physics_crosscheck.harness.engines.physx import PhysxEngine
 from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.pybullet import PybulletEngine
@@ -22,7 +21,7 @@ from physics_crosscheck.harness.engines.sapien import SapienEngine
 BUILT_IN = (
     *(MujocoEngine, PybulletEngine, PymunkEngine),
     *(PinocchioEngine, DrakeEngine, DartEngine, NewtonEngine, MjxEngine),
-    *(IdyntreeEngine, SapienEngine),
+    *(IdyntreeEngine, SapienEngine, PhysxEngine),
 )
 
 

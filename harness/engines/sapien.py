@@ -3,9 +3,12 @@
 SAPIEN adds friction to every joint and damping to every link, bounds their speeds, and ignores an
 inertial with zero mass or moments. Settings control these effects. Shapes are left out, except
 those that give a link its mass, without contacts. Visual shapes would require a display.
-"""
 
-from __future__ import annotations
+Drives follow PhysX's law (`harness.engines.physx.adapter`), to 7e-7 of a step on a tree of hinges:
+"TGS" is its sweep in substeps, except that gravity and joint forces act once, before them. "PGS"
+sweeps over impulses of the whole step (`computeImplicitDriveParams` with `isTGSSolver` false),
+which converges to drives at the step's end: to 2e-6 with SAPIEN's 10 iterations, to 2e-3 with 4.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial

@@ -2,8 +2,7 @@
 line.
 """
 
-from __future__ import annotations
-
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,12 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
 
-from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.usd import UsdStage, stage_of
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
+from physics_crosscheck.harness.engines.protocol import (
+    EngineError,
+    ModelSpec,
+    Sample,
+    UnsupportedError,
+)
 
 
 class NoXmlError(EngineError):
@@ -150,6 +155,63 @@ def check_memory(error: Exception) -> None:
         raise MemoryError(message) from error
 
 
+Reasons = Iterator[tuple[XmlElement, str]]
+
+
+def _shape_reasons(robot: XmlElement, path: Path, message: str) -> Reasons:
+    """Yield shapes, masses and meshes that are wrong, of the file, link or line in a message."""
+    for link in robot.findall("link"):
+        for part in link.iter(None):
+            if not (link.get("name") in message or f"line {part.place[1]}" in message):
+                continue
+            for key in ("size", "radius", "length", "value"):
+                words = part.get(key)
+                if words and not min(finite_numbers(words) or [0.0]) > 0:
+                    yield part, f"{key} {words!r} of <{part.tag}> is not positive; correct it"
+        for mesh in link.iter("mesh"):
+            name, is_missing = mesh.get("filename"), locate_file(path, mesh.get("filename")) is None
+            if is_missing and (Path(name).name in message or link.get("name") in message):
+                places = "the packages of this file and of ROS_PACKAGE_PATH"
+                there = places if "://" in name else path.parent
+                yield mesh, f"mesh {name!r} does not exist in {there}; add it, or correct the name"
+            elif Path(name).name in message:
+                yield mesh, f"mesh {name!r} can't be read; convert it to binary STL or OBJ"
+
+
+def _joint_reasons(robot: XmlElement, path: Path, message: str) -> Reasons:
+    for joint in robot.findall("joint"):
+        name = repr(joint.get("name"))
+        is_bounded = joint.get("type") in ("revolute", "prismatic")
+        if is_bounded and "limits" in message and joint.find("limit") is None:
+            yield joint, f"joint {name} has no <limit>; add one, or set another type"
+        for part in joint.findall("dynamics"):
+            if "dynamics" in message and not (part.get("damping") or part.get("friction")):
+                yield part, f"<dynamics> of joint {name} states no damping or friction; add one"
+
+
+_REASONS = (
+    (r"limits|dynamics", _joint_reasons),
+    (r"mass|format|size|mesh|file|collision", _shape_reasons),
+)
+"""Patterns of engines' messages about a URDF, and what in the file is looked at then."""
+
+
+def load_failure(
+    title: str,
+    path: Path,
+    message: str,
+    kind: type[EngineError] = EngineError,
+    line: int | None = None,
+) -> EngineError:
+    """Return an error with an engine's message; for a URDF with the reason and line, if clear."""
+    text = f"{title} can't load it: {message}"
+    for pattern, check in _REASONS if path.suffix == ".urdf" else ():
+        if re.search(pattern, message):
+            for element, reason in check(read_document(path).root, path, message):
+                return kind(f"{reason} ({text})", file=element.place[0], line=element.place[1])
+    return kind(text, file=path, line=line)
+
+
 @contextmanager
 def engine_errors(path: Path | str, title: str) -> Iterator[None]:
     """Convert any exception of an engine into an error that names the file."""
@@ -161,3 +223,38 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
         check_memory(error)
         problem = f"{title} raises {type(error).__name__}: {one_line(error)}"
         raise EngineError(problem, file=Path(path)) from error
+
+
+def sample_stages() -> tuple[Sample, ...]:
+    """Return a fixed base with a hinge, and on it a slide and a hinge with a drive."""
+    bodies = (("base", 2.0, 0.0), ("upper", 1.5, 0.5), ("rod", 0.7, 0.1), ("tip", 0.4, 0.1))
+    joints = (
+        ("hinge", "Revolute", "Y", "base", "upper", 0.5, ""),
+        ("slide", "Prismatic", "X", "upper", "rod", -0.4, ""),
+        ("wrist", "Revolute", "X", "upper", "tip", -0.4, "angular"),
+    )
+    text = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
+    text += 'def PhysicsScene "scene"\n{\n}\n'
+    text += 'def Xform "arm" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])\n{\n'
+    for name, mass, height in bodies:
+        schemas = '["PhysicsRigidBodyAPI", "PhysicsMassAPI"]'
+        text += f'def Xform "{name}" (prepend apiSchemas = {schemas})\n{{\n'
+        text += f"    double3 xformOp:translate = (0, 0, {height})\n"
+        text += '    uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+        text += f"    float physics:mass = {mass}\n"
+        text += "    point3f physics:centerOfMass = (0.05, 0.02, -0.15)\n"
+        text += f"    float3 physics:diagonalInertia = ({mass / 50}, {mass / 60}, {mass / 80})\n"
+        text += "    quatf physics:principalAxes = (0.98, 0.1, 0.15, 0.08)\n}\n"
+    text += 'def PhysicsFixedJoint "anchor"\n{\n    rel physics:body1 = </arm/base>\n}\n'
+    for name, kind, axis, parent, child, height, drive in joints:
+        schemas = f' (prepend apiSchemas = ["PhysicsDriveAPI:{drive}"])' if drive else ""
+        text += f'def Physics{kind}Joint "{name}"{schemas}\n{{\n'
+        text += f'    uniform token physics:axis = "{axis}"\n'
+        text += f"    rel physics:body0 = </arm/{parent}>\n    rel physics:body1 = </arm/{child}>\n"
+        text += f"    point3f physics:localPos0 = (0, 0, {height})\n"
+        if drive:
+            text += f"    float drive:{drive}:physics:stiffness = 0.02\n"
+            text += f"    float drive:{drive}:physics:damping = 0.001\n"
+        text += "}\n"
+    names = ("arm.usd", "arm.usda")
+    return tuple(Sample(file=one, text=text + "}\n", settings={"step": 0.01}) for one in names)

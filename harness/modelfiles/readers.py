@@ -1,7 +1,5 @@
 """A robot's file, read by its suffix: its tree and its numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """A robot from its file: a tree of bodies, and the parts of the file that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +17,8 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 HELD = "joints that move nothing with inertia (held still)"
 
 LOCKED = "joints that their damping or spring locks (held still)"
+
+CLOSING = "joint that closes a loop"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 

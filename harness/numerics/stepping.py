@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel, StepRule
+from physics_crosscheck.reference.mechanism.laws import Substeps
 from physics_crosscheck.reference.solving.next_state import Stepped, next_states
 from physics_crosscheck.reference.solving.segments import even_indices
 from .coordinates import CoordinateMap
@@ -84,12 +85,24 @@ def steps_alike(rule: StepRule, coordinates: CoordinateMap, states: Array) -> bo
     If the rule couples pairs of engine coordinates, each must be a multiple of one system
     coordinate.
     """
+    if rule.substeps is not None:
+        return _equal_rows(coordinates, states) is not None
     if rule.coupled is None:
         return is_linear(coordinates, states)
     n = coordinates.back.size
     entries = coordinates.forward_slope(states[:1, :n]).reshape(-1, n) != 0
     one_to_one = len(entries) == n and bool(np.all(entries.sum(axis=1) == 1))
     return one_to_one and is_linear(coordinates, states)
+
+
+def _equal_rows(coordinates: CoordinateMap, states: Array) -> tuple[int, ...] | None:
+    """Return the engine's coordinate that equals each of the system's; None if one does not."""
+    n = coordinates.back.size
+    entries = coordinates.forward_slope(states[:1, :n]).reshape(-1, n)
+    rows = tuple(int(row) for row in np.argmax(entries, axis=0))
+    is_same = len(entries) == n and np.array_equal(entries[list(rows)], np.eye(n))
+    starts_at_zero = not coordinates.forward(np.zeros((1, n))).any()
+    return rows if is_same and starts_at_zero and is_linear(coordinates, states) else None
 
 
 def step_engine(
@@ -277,6 +290,7 @@ class Steps:
             stiffness=self._of_equations(rule.stiffness),
             by_velocity=rule.by_velocity,
             coupled=None if rule.coupled is None else self._pairs_of_equations(rule.coupled),
+            substeps=self._substeps_of_equations(rule),
             steps=steps,
         )
 
@@ -288,6 +302,10 @@ class Steps:
         same = self._slope != 0
         pairs: NDArray[np.bool_] = same.T @ coupled @ same
         return pairs
+
+    def _substeps_of_equations(self, rule: StepRule) -> Substeps | None:
+        rows = None if rule.substeps is None else _equal_rows(self._coordinates, self._states)
+        return None if rule.substeps is None or rows is None else rule.substeps.reordered(rows)
 
     def subset(self, count: int) -> Steps:
         """Return the same steps from `count` of the states, spread evenly."""

@@ -6,8 +6,6 @@ also holds the states of all files that the folder's code read or looked for; th
 unchanged. No entry is executed. A malformed file is ignored, and each file is written atomically.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import importlib.metadata

@@ -8,7 +8,7 @@ tree without coefficients.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -463,3 +463,37 @@ class ImpulseContact(ContactPoint):
 
     other: NDArray[np.float64]
     impulse: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Substeps:
+    """Substeps of a step, in which held forces and then the drives of joints act, one by one.
+
+    Velocity terms act once before them. The mass matrix and the responses of joints are those of
+    the step's start. A drive is implicit in the velocity of its own joint.
+
+    Attributes:
+        count: of the substeps.
+        repeats: sweeps after them, which correct passive damping only.
+        order: of the joints, by index of the coordinate.
+        stiffness, damping: of the drives, (n,), N/m and N s/m, or N m/rad and N m s/rad.
+        target, speed: positions and rates that the drives want at the end of the step, (n,).
+        effort: largest force of a drive with the input of its joint, (n,).
+        passive: explicit damping of the joints, no larger than what stops them, (n,).
+    """
+
+    count: int
+    repeats: int
+    order: tuple[int, ...]
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    target: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    passive: NDArray[np.float64]
+
+    def reordered(self, rows: tuple[int, ...]) -> Substeps:
+        """Return the same with coordinate `rows[i]` as the i-th."""
+        names = ("stiffness", "damping", "target", "speed", "effort", "passive")
+        arrays = {name: getattr(self, name)[list(rows)] for name in names}
+        return replace(self, order=tuple(map(rows.index, self.order)), **arrays)

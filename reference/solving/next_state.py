@@ -30,6 +30,7 @@ from physics_crosscheck.reference.dynamics.equations import EquationsOfMotion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.chart import Coupled, MinimalCoordinates
 from physics_crosscheck.reference.mechanism.declaration import Declaration, Scenario, t
+from physics_crosscheck.reference.mechanism.laws import Substeps
 from physics_crosscheck.reference.mechanism.numeric import Array, NumericFunction, compile_function
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.signal import SignalPiece, pieces
@@ -302,6 +303,7 @@ def next_states(
     stiffness: Array | None = None,
     by_velocity: bool = False,
     coupled: NDArray[np.bool_] | None = None,
+    substeps: Substeps | None = None,
     steps: int = 1,
 ) -> Array:
     """Return states (B, 2n) after steps of h seconds, by a rule on the equations.
@@ -317,6 +319,7 @@ def next_states(
         stiffness: K of (M + h D + h^2 K) a = f - h K m, (n, n), implicit springs.
         by_velocity: use D = -df/dm of all forces instead of `damping`.
         coupled: with `by_velocity`, mask of the pairs in D, (n, n); None for all pairs.
+        substeps: a division of each step, for coordinates with rates; None for no division.
         steps: number of steps.
 
     Returns:
@@ -329,6 +332,9 @@ def next_states(
         held = u[:, k]
         if scheme == "Runge-Kutta 4":
             q, m = _runge_kutta(stepped, q, m, held, h)
+            continue
+        if substeps is not None:
+            q, m = _substepped(stepped, q, m, held, h, substeps)
             continue
         implicit = damping
         if by_velocity:
@@ -378,6 +384,46 @@ def _acceleration(
         return np.linalg.solve(matrix, columns).astype(float)[:, :, 0]
     except np.linalg.LinAlgError:  # the mass matrix is arbitrary once a motion has blown up
         return np.full_like(q, np.nan)
+
+
+def _substepped(
+    stepped: Stepped, q: Array, m: Array, u: Array, h: float, law: Substeps
+) -> tuple[Array, Array]:
+    """Take one step in substeps, joint by joint."""
+    response, dt = _responses(stepped.mass(q)), h / law.count
+    unit = np.diagonal(response, axis1=1, axis2=2)
+    still, free = (stepped.force(q, 0 * m, one) for one in (u, 0 * u))
+    held = still - law.stiffness * (law.target - q) - law.damping * law.speed
+    lagging = stepped.force(q, m, u) - still + (law.damping + law.passive) * m
+    m = m + h * (response @ lagging[:, :, None])[:, :, 0]
+    pushed, outer = dt * (response @ held[:, :, None])[:, :, 0], dt * (still - free)
+    softness = dt * (dt * law.stiffness + law.damping)
+    gain, least = 1 / (1 + softness * unit), np.minimum(dt * law.passive, 1 / unit)
+    rubbed, moved = np.zeros_like(m), np.zeros_like(m)
+    for i in range(law.count):
+        m = m + pushed
+        goal = law.target - q - (h - (i + 1) * dt) * law.speed
+        for k in law.order:
+            servo = law.damping[k] * law.speed[k] + law.stiffness[k] * (goal[:, k] - moved[:, k])
+            total = outer[:, k] + gain[:, k] * (dt * servo - softness[k] * m[:, k])
+            bound = dt * law.effort[k]
+            m = m + response[:, :, k] * (np.clip(total, -bound, bound) - outer[:, k])[:, None]
+            rub = -least[:, k] * m[:, k]
+            m, rubbed[:, k] = m + response[:, :, k] * rub[:, None], rubbed[:, k] + rub
+        moved = moved + dt * m
+    for k in law.order * law.repeats:
+        bound = h * law.passive[k] * abs(m[:, k])
+        rub = np.clip(rubbed[:, k] - m[:, k] / unit[:, k], -bound, bound) - rubbed[:, k]
+        m, rubbed[:, k] = m + response[:, :, k] * rub[:, None], rubbed[:, k] + rub
+    return stepped.advanced(q, moved, 1.0), m
+
+
+def _responses(mass: Array) -> Array:
+    """Return M^-1, (B, n, n); NaN if it is singular."""
+    try:
+        return np.asarray(np.linalg.inv(mass), dtype=float)
+    except np.linalg.LinAlgError:  # arbitrary once a motion has blown up
+        return np.full_like(mass, np.nan)
 
 
 def _by_velocity(stepped: Stepped, q: Array, m: Array, u: Array) -> Array:

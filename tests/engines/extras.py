@@ -16,9 +16,10 @@ H = 1e-4
 
 
 def need(name: str) -> None:
-    """Skip a test whose engine is not installed; fail it where all engines are required."""
+    """Skip a test whose engine is not installed; fail it where it is required."""
     if engines()[name].version() is None:
-        refuse = pytest.fail if os.environ.get("REQUIRE_ALL_ENGINES") else pytest.skip
+        variable = "REQUIRE_PHYSX" if name == "physx" else "REQUIRE_ALL_ENGINES"
+        refuse = pytest.fail if os.environ.get(variable) else pytest.skip
         refuse(missing(engines()[name]))
 
 

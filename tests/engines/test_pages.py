@@ -229,4 +229,7 @@ def test_preferred_engine_of_a_format_comes_first() -> None:
 
 def test_every_format_of_an_adapter_has_a_sample() -> None:
     for engine in engines().values():
-        assert {Path(sample.file).suffix for sample in engine.samples()} == set(engine.formats)
+        assert {Path(sample.file).suffix for sample in engine.samples()} == set(engine.formats) - {
+            ".usdc",
+            ".usdz",
+        }

@@ -10,6 +10,7 @@ from physics_crosscheck import Fluid
 from physics_crosscheck.reference.dynamics.recursion import bodies_apart
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import Charted
+from physics_crosscheck.reference.mechanism.laws import Substeps
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import Scalars
 from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, Tree, TreeCoupling, TreeLink
@@ -267,6 +268,37 @@ def test_implicit_springs_match_a_linear_system(dampers: float) -> None:
     force = -stiffness @ (q + h * end[2:]) - damping @ end[2:]
     np.testing.assert_allclose(np.array([2.0, 0.5]) * (end[2:] - v) / h, force, rtol=1e-14)
     np.testing.assert_allclose(end[:2], q + h * end[2:], rtol=1e-15)
+
+
+@pytest.mark.parametrize(("changes", "speed"), [
+    ({}, None),  # the same as four implicit steps
+    ({"effort": 0.5}, 1 - 0.1 * 0.5 / 2),
+    ({"stiffness": 0.0, "damping": 0.0, "passive": 8.0}, (1 - 0.1 / 4 * 8 / 2) ** 4),
+    ({"stiffness": 0.0, "damping": 0.0, "passive": 1e3}, 0.0),  # no more than stops it
+    ({"stiffness": 0.0, "damping": 0.0, "passive": 0.8, "repeats": 1}, 1 - 0.1 * 0.4 * 0.960596),
+])  # fmt: skip
+def test_substeps_match_a_slide(changes: dict[str, float], speed: float | None) -> None:
+    numbers = {"stiffness": 30.0, "damping": 3.0, "effort": np.inf, "passive": 0.0, **changes}
+    arrays = {key: np.array([one]) for key, one in numbers.items() if key != "repeats"}
+    zero, repeats = np.zeros(1), int(changes.get("repeats", 0))
+    law = Substeps(count=4, repeats=repeats, order=(0,), target=zero, speed=zero, **arrays)
+    slide = TreeLink(
+        name="x", parent=WORLD, kind="slide", mass=2.0, position=np.zeros(3), rotation=np.eye(3),
+        axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
+        stiffness=numbers["stiffness"], damping=numbers["damping"] + numbers["passive"],
+    )  # fmt: skip
+    stepped = SteppedBodies(Tree(links=(slide,), gravity=np.zeros(3)))
+    scheme: Scheme = "semi-implicit Euler"
+    state, still = np.array([[0.3, 1.0]]), np.zeros((1, 4, 1))
+    end = next_states(stepped, state, still[:, :1], 0.1, scheme=scheme, substeps=law)
+    implicit = next_states(
+        stepped, state, still, 0.1 / 4, scheme=scheme, steps=4,
+        damping=np.array([[3.0]]), stiffness=np.array([[30.0]]),
+    )  # fmt: skip
+    wanted = implicit[0, 1] if speed is None else speed
+    assert end[0, 1] == pytest.approx(wanted, rel=1e-6, abs=1e-14)
+    if speed is None:
+        assert end[0, 0] == pytest.approx(implicit[0, 0], rel=1e-14)
 
 
 def test_diverging_motion_returns_nan() -> None:

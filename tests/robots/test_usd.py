@@ -204,17 +204,17 @@ def test_a_wrong_or_hostile_file_is_refused_by_its_place(
         assert read(tmp_path / "in" / "arm.usda", {"allow_outside": True}).tree is not None
 
 
-@pytest.mark.parametrize("keep", [0, 8, 60, 500, 2000])
-def test_a_crate_cut_short_is_refused(keep: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("size", [0, 8, 60, 500, 2000])
+def test_a_crate_cut_short_is_refused(size: int, tmp_path: Path) -> None:
     from pxr import Sdf
 
     (tmp_path / "arm.usda").write_text(ARM)
     Sdf.Layer.FindOrOpen(str(tmp_path / "arm.usda")).Export(str(tmp_path / "whole.usdc"))
     whole = tmp_path / "whole.usdc"
     assert tree_of(read(whole, {})).dof == 2
-    cut = tmp_path / f"cut{keep}.usdc"
-    cut.write_bytes(whole.read_bytes()[:keep])
-    assert read(cut, {}).tree is None
+    short = tmp_path / f"short{size}.usdc"
+    short.write_bytes(whole.read_bytes()[:size])
+    assert read(short, {}).tree is None
 
 
 def test_each_number_has_its_layer_prim_and_line(tmp_path: Path) -> None:
@@ -222,16 +222,16 @@ def test_each_number_has_its_layer_prim_and_line(tmp_path: Path) -> None:
 
     tree_of(read_usd(tmp_path))
     texts = ARM.splitlines()
-    found = numbers(tmp_path / "arm.usda", {}).numerals
-    assert len(found) > 40
-    for one in found:
-        assert one.line
-        assert one.key in texts[one.line - 1]
-        assert f".{one.key}" in one.address
+    text_numbers = numbers(tmp_path / "arm.usda", {}).numerals
+    assert len(text_numbers) > 40
+    for entry in text_numbers:
+        assert entry.line
+        assert entry.key in texts[entry.line - 1]
+        assert f".{entry.key}" in entry.address
     Sdf.Layer.FindOrOpen(str(tmp_path / "arm.usda")).Export(str(tmp_path / "arm.usdc"))
     crate = numbers(tmp_path / "arm.usdc", {}).numerals
     assert {one.line for one in crate} == {None}
-    assert [one.address for one in crate] == [one.address for one in found]
+    assert [one.address for one in crate] == [one.address for one in text_numbers]
 
 
 def test_lines_are_those_of_variants_and_not_of_comments(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_lines_are_those_of_variants_and_not_of_comments(tmp_path: Path) -> None
 
 
 def test_edits_are_layers_over_the_file(tmp_path: Path) -> None:
-    """Each number that matters has the same effect in the tree and in a layer over a crate."""
+    """Compare the effect of numbers in the tree with that of a layer over a crate."""
     from pxr import Sdf
 
     tree_of(read_usd(tmp_path))

@@ -4,8 +4,6 @@ Motions and steps leave these out, or take them from the engine. Shapes are pair
 place, so that names, order and the frames of bodies do not matter.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence

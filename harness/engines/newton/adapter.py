@@ -41,7 +41,7 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
 )
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, shortened
+from physics_crosscheck.harness.engines.source import engine_errors, sample_stages, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces
 from physics_crosscheck.harness.engines.urdf import UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
@@ -207,6 +207,9 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an MJCF's joint equalities become mimics, which its solver enforces; it drops
     # equalities.
     "equalities": True,
+    # Whether joints of a USD stage without an articulation root are put into one; Newton's own
+    # solver leaves them out.
+    "articulations": False,
 })  # fmt: skip
 
 
@@ -245,7 +248,7 @@ class NewtonEngine(UrdfEngine):
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
-        return (sample_urdf(), sample_mjcf(armature=""))
+        return (sample_urdf(), sample_mjcf(armature=""), *sample_stages())
 
 
 class NewtonModel(LoadedModel):

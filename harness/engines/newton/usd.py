@@ -22,6 +22,8 @@ from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, 
 from physics_crosscheck.harness.engines.source import open_stage
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
+ORPHANS = "Newton's leaving out of joints without a PhysicsArticulationRootAPI"
+
 
 def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     """Read a stage whose settings are valid.
@@ -56,10 +58,15 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
         without_limit_forces(builder)
     layout = Layout(builder, _joint_names(stage, builder, joints), np.zeros(len(builder.joint_qd)))
     lost: dict[str, Mapping[str, object]] = {}
+    if orphans := [i for i, one in enumerate(builder.joint_articulation) if one < 0]:
+        if settings["articulations"]:
+            builder.add_articulation(orphans)
+        else:
+            lost[ORPHANS] = {"articulations": True}
     with collect_warnings(messages):
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
-    corrected = _point_bodies(stage, builder, keep=bool(settings["corrected_inertias"]))
+    corrected = _point_bodies(stage, builder, is_kept=bool(settings["corrected_inertias"]))
     if settings["corrected_inertias"]:
         corrected += correct_inertias(builder, messages)
     return ParsedModel(
@@ -88,14 +95,14 @@ def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> li
     return names
 
 
-def _point_bodies(stage: UsdStage, builder: Any, *, keep: bool) -> list[str]:
-    """Return bodies without moments, for which Newton invents some; remove those unless `keep`."""
+def _point_bodies(stage: UsdStage, builder: Any, *, is_kept: bool) -> list[str]:
+    """Return bodies without moments, for which Newton invents some; drop them unless `is_kept`."""
     names = []
     for i, label in enumerate(builder.body_label):
         tensor = builder.body_inertia[i]
         if _is_point(stage, stage.stage.GetPrimAtPath(label)) and np.any(tensor):
-            names += [label.rpartition("/")[2]] if keep else []
-            builder.body_inertia[i] = tensor if keep else type(tensor)(0.0)
+            names += [label.rpartition("/")[2]] if is_kept else []
+            builder.body_inertia[i] = tensor if is_kept else type(tensor)(0.0)
     return names
 
 

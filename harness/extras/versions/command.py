@@ -1,7 +1,5 @@
 """The command `crosscheck versions`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments

@@ -1,7 +1,5 @@
 """Options that several commands share, each defined once, and the values that they accept."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os
@@ -298,7 +296,7 @@ VARIANT = option(
     type=variant_selection,
     default=[],
     metavar="SET=NAME",
-    help="Variant of a USD robot, instead of the one that its file selects",
+    help="Variant of a USD robot [as the file selects]",
 )
 OUTSIDE = option(
     "Robot files",

@@ -4,8 +4,6 @@
 The module with a command's function is imported after parsing.
 """
 
-from __future__ import annotations
-
 import argparse
 import errno
 import io

@@ -3,8 +3,6 @@
 `python -m physics_crosscheck.harness.interfaces.cli.reference FOLDER` writes all of them.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator, Mapping

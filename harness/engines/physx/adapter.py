@@ -1,0 +1,425 @@
+"""PhysX, on USD, by ovphysx: reduced coordinates, 32-bit numbers, drives in substeps.
+
+A step is n substeps of the temporal Gauss-Seidel solver, n being the articulation's position
+iterations. PhysX's source states its law (BSD-3-Clause, github.com/NVIDIA-Omniverse/PhysX,
+`physx/source/lowleveldynamics`). ovphysx 0.7.0 follows each line below to float rounding on a tree
+of seven joints with branches, from rest and in motion, at 1/60 and 1/1000 s:
+
+- Velocity terms and damping of links act once, at the start of the step; gravity and forces on
+  joints act in every substep (`DyFeatherstoneArticulation.cpp`, `computeLinkStates` and
+  `applyTgsSubstepForces`).
+- Axes and unit responses are those of the start (`setupInternalConstraintsRecursive`).
+- Drive, friction, position limit and speed limit act in this order, joint by joint, depth first
+  (`solveInternalJointConstraintRecursive`).
+- A drive is implicit in its own joint (`DyCpuGpuArticulation.h`, `computeDriveImpulse`). Its force
+  with the joint's input is clamped in each substep (`clampDriveImpulse`).
+- Damping of joints is the viscous part of friction: explicit, at most what stops the joint. The
+  velocity iterations repeat it with the speed at the end (`computeFrictionImpulse`). Dry friction
+  holds the joint up to the static effort, and beyond it is the dynamic one.
+- A limit takes the speed that would pass it in the substep (`computeLimitImpulse`).
+- Armature adds to the diagonal of the mass matrix, though not in ovphysx's tensor.
+- A slide's displacement is that of its body, along the start's axis (`recordDeltaMotion`): its
+  spring has no rule here.
+- Links have angular damping of 0.05/s and turn by at most 100 rad/s, and a slow articulation sleeps
+  (`ScArticulationSim.cpp`, `sleepCheck`); the adapter disables all three.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from physics_crosscheck.harness.documents.document import free_name
+from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.engines.physx.scene import FASTEST, SLIDE, PhysxScene, StageLayer
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    DefaultLeftOn,
+    LoadedModel,
+    ModelSpec,
+    Sample,
+    StepRule,
+    UnsupportedError,
+    clip_ranges,
+    held_joints,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import FREE
+from physics_crosscheck.harness.engines.source import open_stage, sample_stages
+from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
+from physics_crosscheck.reference.mechanism.laws import Substeps
+from physics_crosscheck.reference.mechanism.rotations import (
+    SpatialInertia,
+    angular_velocity,
+    coordinate_rate,
+    from_quaternion,
+    minimal_coordinates,
+    unit_quaternion,
+)
+
+PHYSX_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
+    "angular_damping": (0.05, "PhysX's angular damping of links"),
+    "bounded_speeds": (True, "PhysX's bounds of speeds"),
+})  # fmt: skip
+"""PhysX's own value of each setting, and the cause that a diagnosis reports."""
+
+FREED = "PhysX's free root: the articulation root is on the body of a fixed base"
+"""The cause of the difference that `root_as_stated` removes."""
+
+DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
+    "smooth": False,
+    # Angular damping of each link, 1/s, unless the file states it; PhysX's own is 0.05.
+    "angular_damping": 0.0,
+    # Whether links turn by at most 100 rad/s unless the file states it.
+    "bounded_speeds": False,
+    # Whether an articulation root on the body of a fixed base frees it, and a joint outside the
+    # articulation holds it (PhysX's behaviour); otherwise the root moves to that joint.
+    "root_as_stated": True,
+})  # fmt: skip
+
+UNLIMITED = 1e30
+"""PhysX stores the largest 32-bit number for a missing limit."""
+
+
+class PhysxEngine(UrdfEngine):
+    """Adapter of PhysX 5 (NVIDIA), by its package ovphysx."""
+
+    name = extra = "physx"
+    title = "PhysX"
+    package = distribution = "ovphysx"
+    formats = SUFFIXES
+    takes_springs = ()
+    switches = frozenset({"smooth", "held"})
+    non_physical: Mapping[str, str] = MappingProxyType({})
+    defaults = DEFAULTS
+    capabilities = (
+        "joints: slide, hinge, floating root",
+        "springs: drives of joints",
+        "mimic: no",
+        "next state: with a fixed base, without springs of slides",
+        "accelerations: with a fixed base",
+        "linearization: from steps, 32 bits",
+        "steps: substeps of semi-implicit Euler, order 1, 32 bits",
+        "whole step: not judged",
+    )
+    usual_mistakes = tuple(
+        DefaultLeftOn(name=f"{cause} left on", setting=key, value=value, cause=cause)
+        for key, (value, cause) in PHYSX_EFFECTS.items()
+    )
+
+    def load(self, spec: ModelSpec) -> LoadedModel:
+        """Load a file; the step of a scene that states none is 1/60 s."""
+        stated = open_stage(spec).settings
+        return super().load(replace(spec, settings={"step": 1 / 60, **stated, **spec.settings}))
+
+    def loaded(self, spec: ModelSpec) -> LoadedModel:
+        """Load a file whose settings are valid."""
+        return PhysxModel(spec)
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """Return none: the file states step and gravity."""
+        return {}
+
+    def samples(self) -> tuple[Sample, ...]:
+        """Return an arm for each suffix of text layers."""
+        return sample_stages()
+
+
+class PhysxModel(TreeModel):
+    """An articulation of slides and hinges, fixed or floating."""
+
+    integrator = "temporal Gauss-Seidel"
+    epsilon = float(np.finfo(np.float32).eps)
+
+    def __init__(self, spec: ModelSpec) -> None:
+        super().__init__(spec, "PhysX", {**DEFAULTS, **spec.settings})
+        stage = open_stage(spec)
+        self._layer = layer = StageLayer(stage, self.settings, held_joints(spec))
+        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+            path = Path(folder) / "layer.usda"
+            path.write_text(layer.text, encoding="utf-8")
+            self._scene = scene = PhysxScene(path, layer.root)
+        weakref.finalize(self, scene.close).atexit = False
+        for name in scene.joints:
+            if name not in layer.joints:
+                problem = f"joint {name!r} is neither a slide nor a hinge"
+                raise UnsupportedError(problem, file=spec.path)
+        names = [layer.joints[name][2] for name in scene.joints]
+        self.floats = not layer.base
+        self._links = {layer.links[name]: row for row, name in enumerate(scene.links)}
+        self.root = free_name(next(iter(self._links)), names) if self.floats else ""
+        self.name(names)
+        self._slides = np.array([layer.joints[name][1] == SLIDE for name in scene.joints])
+        if self.settings["smooth"]:
+            self._without_friction()
+        units = _Units(
+            length=stage.unit,
+            energy=stage.mass_unit * stage.unit**2,
+            joints=np.where(self._slides, stage.unit, 1.0),
+        )
+        self.stepper = self._steps = _ArticulationSteps(scene, units, self.floats)
+
+    def _without_friction(self) -> None:
+        """Disable dry friction and bounds of speeds and efforts."""
+        scene = self._scene
+        friction = scene.read("DOF_FRICTION_PROPERTIES")
+        friction[:, :2] = 0.0
+        scene.write("DOF_FRICTION_PROPERTIES", friction)
+        for name in ("DOF_MAX_VELOCITY", "DOF_MAX_FORCE"):
+            scene.write(name, np.full(len(scene.joints), FASTEST))
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Return order 1 for every input."""
+        return 1, 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """The rule: substeps, with a fixed base and without springs of slides."""
+        if not self._is_stiff or np.any(self._steps.stiffness[self._slides]):
+            return None
+        count, repeats = self._layer.iterations
+        return self._steps.rule(count, repeats, self._depth_first)
+
+    @property
+    def _is_stiff(self) -> bool:
+        """True if PhysX holds the base itself, and drives are forces."""
+        return self._scene.fixed and not np.any(self._scene.read("DOF_DRIVE_TYPE") == 2)
+
+    @cached_property
+    def _depth_first(self) -> tuple[int, ...]:
+        """Indices of the joints, from the root outward."""
+        scene, ends = self._scene, self._layer.ends
+        order, passed = list[int](), {""}
+
+        def visit(link: str) -> None:
+            passed.add(link)
+            reached = {}
+            for joint, (first, second) in ends.items():
+                if link in (first, second):
+                    reached[second if link == first else first] = joint
+            for child in [name for name in scene.links if name in reached]:
+                if child not in passed:
+                    order.extend(k for k, name in enumerate(scene.joints) if name == reached[child])
+                    visit(child)
+
+        visit(scene.links[0])
+        return tuple(order)
+
+    @property
+    def home(self) -> Array:
+        """Positions of the drawn configuration."""
+        return self._steps.home
+
+    @cached_property
+    def limits(self) -> Array:
+        """Joint limits, (nz, 2)."""
+        result = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        bounds = self._steps.limits
+        bounds = np.where(abs(bounds) > UNLIMITED, np.sign(bounds) * np.inf, bounds)
+        result[self.layout.singles] = bounds
+        return result
+
+    @property
+    def sampling_range(self) -> Array:
+        """Sampling range within the file's limits, whether or not they are enforced."""
+        limits = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        for row, name in zip(self.layout.singles, self._scene.joints, strict=True):
+            limits[row] = self._layer.limits.get(name, (-np.inf, np.inf))
+        return clip_ranges(super().sampling_range + self.home[:, None], limits)
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """Return M^-1 (f - C - G) of PhysX's tensors, with drives and dampers.
+
+        None where PhysX does not hold the base itself, or gains of drives are accelerations.
+        """
+        if not self._is_stiff:
+            return None
+        result = np.full_like(z, np.nan)
+        between = (self.limits[:, 0] <= z) & (z <= self.limits[:, 1])
+        finite = np.isfinite(z + w + force) & between
+        for row in np.flatnonzero(finite.all(axis=1)):
+            result[row] = self._steps.acceleration(z[row], w[row], force[row])
+        return result
+
+    @property
+    def corrective_settings(self) -> Mapping[str, Mapping[str, object]]:
+        """PhysX's own effects that the settings leave active."""
+        effects: dict[str, Mapping[str, object]] = {
+            cause: {key: type(value)(0)}
+            for key, (value, cause) in PHYSX_EFFECTS.items()
+            if self.settings[key]
+        }
+        if not (self.floats or self._scene.fixed):
+            effects[FREED] = {"root_as_stated": False}
+        return effects
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """Yield active effects of the engine, and masses that it assumes."""
+        for cause, settings in self.corrective_settings.items():
+            (key,) = settings
+            shows = ("damping",) if key in PHYSX_EFFECTS else ("inertia",)
+            address = f"sidecar:settings.{key}"
+            yield Remark(kind="setting", message=cause, address=address, shows_in=shows)
+        masses = self._scene.read("BODY_MASS")
+        for name, mass in zip(self._scene.links, masses, strict=True):
+            if name in self._layer.massless:
+                message = f"PhysX gives {self._layer.links[name]} {mass:g} kg, since it has no mass"
+                yield Remark(kind="inertial", message=message, shows_in=("inertia",))
+
+    @property
+    def inertias(self) -> Mapping[str, SpatialInertia]:
+        """Mass and inertia of each link in its frame."""
+        return dict(zip(self._links, self._steps.inertias(), strict=True))
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Links."""
+        return tuple(f"link:{name}" for name in self._links)
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """Return poses by PhysX's forward kinematics."""
+        rows = [self._links[place.partition(":")[2]] for place in places]
+        origins, turns = np.empty((len(z), len(rows), 3)), np.empty((len(z), len(rows), 3, 3))
+        for k, q in enumerate(z):
+            self._steps.reset(q, 0 * q)
+            poses = self._scene.read("LINK_POSE")[rows]
+            origins[k] = poses[:, :3] * self._steps.units.length
+            turns[k] = [from_quaternion(np.roll(one[3:], 1)) for one in poses]
+        return origins, turns
+
+
+class _Units(NamedTuple):
+    """SI units of a stage's lengths and energies (at seconds), and of positions, (n,)."""
+
+    length: float
+    energy: float
+    joints: Array
+
+
+class _ArticulationSteps(Stepper):
+    """An articulation in its scene; a free root's velocities are those of its centre of mass."""
+
+    def __init__(self, scene: PhysxScene, units: _Units, floats: bool) -> None:
+        self._scene, self.units = scene, units
+        self._first = FREE if floats else 0
+        self._near = np.array([1.0, 0.0, 0.0, 0.0])
+        self._held_root = scene.read("ROOT_POSE")
+        self._push = np.zeros((len(scene.links), 9))
+        self._centre = scene.read("BODY_COM_POSE")[0, :3] * units.length
+        force, per = units.energy / units.joints, units.energy / units.joints**2
+        self.stiffness, damping = (
+            scene.read(f"DOF_{one}") * per for one in ("STIFFNESS", "DAMPING")
+        )
+        target, speed = (
+            scene.read(f"DOF_{one}_TARGET") * units.joints for one in ("POSITION", "VELOCITY")
+        )
+        driven = scene.read("DOF_DRIVE_TYPE") != 0
+        effort = np.where(driven, scene.read("DOF_MAX_FORCE") * force, np.inf)
+        passive = scene.read("DOF_FRICTION_PROPERTIES")[:, 2] * per
+        self._law = Substeps(
+            count=1,
+            repeats=0,
+            order=(),
+            stiffness=self.stiffness,
+            damping=damping,
+            target=target,
+            speed=speed,
+            effort=effort,
+            passive=passive,
+        )
+        home = scene.read("DOF_POSITION") * units.joints
+        home[abs(home) < 1e-9] = 0.0  # PhysX moves joints by 1e-18 when it warms up
+        turned = minimal_coordinates(np.roll(self._held_root[3:], 1), self._near)
+        free = [*self._held_root[:3] * units.length, *turned] if floats else []
+        self.home: Array = np.concatenate([free, home])
+
+    def rule(self, count: int, repeats: int, order: tuple[int, ...]) -> StepRule:
+        """Return the rule of a step."""
+        law = replace(self._law, count=count, repeats=repeats, order=order)
+        return StepRule(scheme="semi-implicit Euler", substeps=law)
+
+    def reset(self, q: Array, v: Array) -> None:
+        """Set a state."""
+        scene, units, first = self._scene, self.units, self._first
+        pose, spin, moved = self._held_root, np.zeros(3), np.zeros(3)
+        if first:
+            self._near = unit_quaternion(q[3:FREE])
+            turn = from_quaternion(self._near)
+            spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
+            moved = (v[:3] + np.cross(spin, turn @ self._centre)) / units.length
+            pose = np.concatenate([q[:3] / units.length, np.roll(self._near, -1)])
+        if not scene.fixed:
+            scene.write("ROOT_POSE", pose)
+            scene.write("ROOT_VELOCITY", np.concatenate([moved, spin]))
+        scene.write("DOF_POSITION", q[first:] / units.joints)
+        scene.write("DOF_VELOCITY", v[first:] / units.joints)
+
+    def position(self) -> Array:
+        """Return the position, with rotation coordinates near to the last ones."""
+        q = self._scene.read("DOF_POSITION") * self.units.joints
+        if not self._first:
+            return q
+        pose = self._scene.read("ROOT_POSE")
+        turned = minimal_coordinates(np.roll(pose[3:], 1), self._near)
+        self._near = unit_quaternion(turned)
+        return np.concatenate([pose[:3] * self.units.length, turned, q])
+
+    def state(self) -> tuple[Array, Array]:
+        """Return positions and velocities."""
+        z, v = self.position(), self._scene.read("DOF_VELOCITY") * self.units.joints
+        if not self._first:
+            return z, v
+        moved, spin = np.split(self._scene.read("ROOT_VELOCITY"), 2)
+        turn = from_quaternion(self._near)
+        moved = moved * self.units.length - np.cross(spin, turn @ self._centre)
+        return z, np.concatenate([moved, coordinate_rate(z[3:FREE], turn.T @ spin), v])
+
+    def step(self, h: float, force: Array | None) -> None:
+        """Step the scene, under inputs."""
+        scene, units, first = self._scene, self.units, self._first
+        if force is not None:
+            if first:
+                pose = scene.read("ROOT_POSE")
+                push = force[:3] * units.length
+                moment = from_quaternion(np.roll(pose[3:], 1)) @ force[3:FREE]
+                self._push[0] = *(push / units.energy), *(moment / units.energy), *pose[:3]
+                scene.write("LINK_WRENCH", self._push)
+            scene.write("DOF_ACTUATION_FORCE", force[first:] * units.joints / units.energy)
+        scene.step(h)
+        if force is not None:
+            scene.write("DOF_ACTUATION_FORCE", 0 * force[first:])
+
+    def acceleration(self, q: Array, v: Array, force: Array) -> Array:
+        """Return accelerations at a state with a fixed base."""
+        scene, units, law = self._scene, self.units, self._law
+        self.reset(q, v)
+        servo = law.stiffness * (law.target - q) + law.damping * (law.speed - v)
+        total = np.clip(servo + force, -law.effort, law.effort) - law.passive * v
+        weight = scene.read("GRAVITY_FORCE") + scene.read("CORIOLIS_AND_CENTRIFUGAL_FORCE")
+        mass = scene.read("MASS_MATRIX") + np.diag(scene.read("DOF_ARMATURE"))
+        total = total * units.joints / units.energy - weight
+        result: Array = np.linalg.solve(mass, total) * units.joints
+        return result
+
+    @property
+    def limits(self) -> Array:
+        """Joint limits, (n, 2)."""
+        return self._scene.read("DOF_LIMIT") * self.units.joints[:, None]
+
+    def inertias(self) -> Iterator[SpatialInertia]:
+        """Yield mass and inertia of each link in its frame."""
+        scene, length = self._scene, self.units.length
+        inertias = scene.read("BODY_INERTIA").reshape(-1, 3, 3) * self.units.energy
+        masses = scene.read("BODY_MASS") * self.units.energy / length**2
+        for mass, pose, inertia in zip(masses, scene.read("BODY_COM_POSE"), inertias, strict=True):
+            turn = from_quaternion(np.roll(pose[3:], 1))
+            yield SpatialInertia(float(mass), pose[:3] * length, turn @ inertia @ turn.T)

@@ -1,0 +1,308 @@
+"""A stage in PhysX, and the layer over the user's file that states what settings change."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from physics_crosscheck.harness.documents.usd import UsdStage, unique_tails
+from physics_crosscheck.harness.engines.installed import import_quietly
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
+from physics_crosscheck.harness.engines.source import one_line
+
+FASTEST = 1e16
+"""PhysX's own value of an unlimited speed."""
+
+ITERATIONS = 32
+"""Position iterations of an articulation that states none."""
+
+BODY, ROOT, COLLIDER = (
+    f"Physics{one}API" for one in ("RigidBody", "ArticulationRoot", "Collision")
+)
+HINGE, SLIDE, FIXED = (f"Physics{one}Joint" for one in ("Revolute", "Prismatic", "Fixed"))
+ARTICULATION = "PhysxArticulationAPI"
+
+
+@lru_cache(maxsize=1)
+def _runtime() -> tuple[Any, Any]:
+    """Return ovphysx and ovstage, set up once: without a GPU, threads, or messages."""
+    ovphysx, ovstage = import_quietly("ovphysx"), import_quietly("ovstage")
+    keys = ovphysx.types.GlobalConfigKey
+    ovphysx.set_log_level(ovphysx.LogLevel.NONE)
+    ovphysx.set_global_config(keys.NUM_THREADS, 0)  # a step takes a fifth of the time with a thread
+    ovphysx.PhysX.set_cpu_mode(True)
+    schemas = import_quietly("ovphysx.samples.python_samples.schema_support")
+    paths = [*schemas.physx_schema_paths(), ovphysx.newton_schema_root()]
+    ovstage.population.register_usd_schemas([str(one) for one in paths])
+    return ovphysx, ovstage
+
+
+class PhysxScene:
+    """A stage in PhysX with one articulation, and its tensors in the stage's units.
+
+    Args:
+        path: of the root layer.
+        root: path of the prim with the articulation root.
+
+    Attributes:
+        joints, links: their names, in PhysX's order.
+        fixed: whether the root link does not move.
+    """
+
+    def __init__(self, path: Path, root: str) -> None:
+        ovphysx, ovstage = _runtime()
+        self._types = ovphysx.types.TensorType
+        self._root, self._bindings = root, dict[str, tuple[Any, Any]]()
+        self._stage = ovstage.Stage("crosscheck")
+        domains = ovstage.population.PopulationDomain.ALL
+        ovstage.population.open_usd(self._stage, str(path), ordinal=1, domains=domains)
+        self._stage.advance_write_floor(ordinal=1).wait()
+        self._physx = physx = ovphysx.PhysX()
+        try:
+            physx.wait_task(physx.attach_ovstage(self._stage, read_ordinal=1))
+        except ovphysx.api.TaskError as error:
+            physx.destroy()
+            self._stage.destroy()
+            problem = "PhysX can't attach the stage; it holds stages of one metersPerUnit at a time"
+            raise EngineError(f"{problem}: {one_line(error)}") from None
+        physx.warmup()
+        binding = self._binding("DOF_POSITION")[0]
+        if binding.count != 1:
+            raise EngineError(f"PhysX finds {binding.count} articulations at {root}")
+        self.joints, self.links = list(binding.dof_names), list(binding.body_names)
+        self.fixed = bool(binding.is_fixed_base)
+
+    def _binding(self, name: str) -> tuple[Any, Any]:
+        """Return the binding of a tensor, and a buffer of its shape."""
+        if name not in self._bindings:
+            kind = getattr(self._types, f"ARTICULATION_{name}")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # the extra excludes 0.8
+                binding = self._physx.create_tensor_binding(pattern=self._root, tensor_type=kind)
+            number = np.uint8 if name == "DOF_DRIVE_TYPE" else np.float32
+            self._bindings[name] = binding, np.zeros(binding.shape, dtype=number)
+        return self._bindings[name]
+
+    def read(self, name: str) -> Array:
+        """Return a tensor of the articulation."""
+        binding, buffer = self._binding(name)
+        binding.read(buffer)
+        return np.array(buffer[0], dtype=np.float64)
+
+    def write(self, name: str, values: Array) -> None:
+        """Set a tensor of the articulation."""
+        binding, buffer = self._binding(name)
+        buffer[0] = values
+        binding.write(buffer)
+
+    def step(self, h: float) -> None:
+        """Advance by h seconds."""
+        self._physx.step_sync(h)
+
+    def close(self) -> None:
+        """Release the stage."""
+        for binding, _ in self._bindings.values():
+            binding.destroy()
+        self._physx.wait_task(self._physx.detach_ovstage())
+        self._stage.destroy()
+        self._physx.destroy()
+
+
+class StageLayer:
+    """A layer over a file with what the settings change, and the facts that it depends on.
+
+    Attributes:
+        text: of the layer.
+        root: path of the prim with the articulation root.
+        base: path of the joint that fixes a body to the world; empty for a floating root.
+        iterations: numbers of position and velocity iterations of a step.
+        joints: path, type and name here of slides and hinges, by PhysX's name.
+        links: names of bodies here by PhysX's name.
+        massless: PhysX's names of bodies for which the file states no mass.
+        limits: of slides and hinges in the file, m or rad, by PhysX's name.
+        ends: PhysX's names of the two bodies of each joint; empty for the world.
+
+    Raises:
+        UnsupportedError: without exactly one articulation root, or with equal names.
+    """
+
+    def __init__(self, file: UsdStage, settings: Mapping[str, object], held: Sequence[str]) -> None:
+        self._file, self._settings = file, settings
+        physics = file.pxr.UsdPhysics
+        bodies = [prim for prim in file.prims if BODY in prim.GetAppliedSchemas()]
+        joints = [prim for prim in file.prims if prim.IsA(physics.Joint)]
+        self.links = self._named(bodies)
+        names = self._named(joints)
+        self.joints = {
+            prim.GetName(): (str(prim.GetPath()), str(prim.GetTypeName()), names[prim.GetName()])
+            for prim in joints
+            if prim.GetTypeName() in (HINGE, SLIDE)
+        }
+        self.massless = {
+            one.GetName() for one in bodies if file.stated(one, "physics:mass") in (None, 0.0)
+        }
+        self.limits = {one: self._limits(*self.joints[one][:2]) for one in self.joints}
+        self.ends = {one.GetName(): (self._end(one, 0), self._end(one, 1)) for one in joints}
+        self.base = next(self._bases(joints), "")
+        roots = [prim for prim in file.prims if ROOT in prim.GetAppliedSchemas()]
+        if len(roots) != 1:
+            problem = f"{len(roots)} prims have {ROOT}, and the adapter takes one; PhysX"
+            problem += " joins bodies without it by constraints"
+            raise UnsupportedError(problem, file=file.path)
+        with file.pxr.Usd.EditContext(file.stage, file.stage.GetSessionLayer()):
+            self.root = self._place_root(roots[0], bodies)
+            shapes = self._outer_shapes() if settings["smooth"] else ()
+            for path in [one.GetPath() for one in bodies]:
+                self._set_link(self._copied(path))
+            self._set_joints(held)
+            for path in shapes:
+                self._set(self._copied(path), "", "physics:collisionEnabled", False)
+            if list(settings["gravity"]) != list(file.gravity):  # type: ignore[call-overload]
+                self._set_gravity(settings["gravity"])  # type: ignore[arg-type]
+        self.text = self._written()
+
+    def _named(self, prims: Sequence[Any]) -> dict[str, str]:
+        """Return the names of prims here by their own, which PhysX uses."""
+        tails = unique_tails([str(one.GetPath()) for one in prims])
+        names = {one.GetName(): tail for one, tail in zip(prims, tails, strict=True)}
+        if len(names) < len(prims):
+            twice = next(tail for tail in tails if "/" in tail)
+            problem = f"{twice} has the name of another prim, and PhysX names them alike"
+            raise UnsupportedError(problem, file=self._file.path)
+        return names
+
+    def _end(self, joint: Any, k: int) -> str:
+        """Return the name of a joint's body, which a target may be below of."""
+        for path in self._file.targets(joint, f"physics:body{k}"):
+            prim = self._file.stage.GetPrimAtPath(path)
+            while prim and not prim.IsPseudoRoot():
+                if BODY in prim.GetAppliedSchemas():
+                    return str(prim.GetName())
+                prim = prim.GetParent()
+        return ""
+
+    def _limits(self, path: str, kind: str) -> tuple[float, float]:
+        file, prim = self._file, self._file.stage.GetPrimAtPath(path)
+        unit = file.unit if kind == SLIDE else np.pi / 180
+        lower = file.value(prim, "physics:lowerLimit", -np.inf) * unit
+        return lower, file.value(prim, "physics:upperLimit", np.inf) * unit
+
+    def _bases(self, joints: Sequence[Any]) -> Iterator[str]:
+        """Yield the paths of joints that fix a body to the world."""
+        for prim in joints:
+            is_loose = self._file.value(prim, "physics:excludeFromArticulation", False)
+            is_on = self._file.value(prim, "physics:jointEnabled", True)
+            is_fixed = prim.GetTypeName() == FIXED and "" in self.ends[prim.GetName()]
+            if is_fixed and is_on and not is_loose:
+                yield str(prim.GetPath())
+
+    def _place_root(self, prim: Any, bodies: Sequence[Any]) -> str:
+        """Place the articulation root as the settings want it, and return its path."""
+        file, path = self._file, str(prim.GetPath())
+        is_body = BODY in prim.GetAppliedSchemas()
+        if self.base:
+            moves = is_body and not self._settings["root_as_stated"]
+            path = self.base if moves else path
+        elif not is_body:  # PhysX would choose the body with the shortest branches
+            children = {child for _, child in self.ends.values()}
+            roots = [one for one in bodies if one.GetName() not in children]
+            path = str((roots or bodies)[0].GetPath())
+        numbers: dict[str, Any] = {
+            name: file.stated(prim, f"physxArticulation:{name}")
+            for name in ("solverPositionIterationCount", "solverVelocityIterationCount")
+        }
+        # With the schema that the adapter adds, PhysX no longer reads Newton's attribute.
+        collides = file.stated(prim, "physxArticulation:enabledSelfCollisions")
+        if collides is None:
+            collides = file.stated(prim, "newton:selfCollisionEnabled")
+        numbers["enabledSelfCollisions"] = collides is not False and not self._settings["smooth"]
+        numbers["sleepThreshold"] = 0.0
+        if path != str(prim.GetPath()):
+            for name in (ROOT, ARTICULATION):
+                self._copied(prim.GetPath()).RemoveAppliedSchema(name)
+        root = self._copied(path)
+        root.AddAppliedSchema(ROOT)
+        for name, value in numbers.items():
+            if value is not None:
+                self._set(root, ARTICULATION, f"physxArticulation:{name}", value)
+        position, velocity = list(numbers.values())[:2]
+        self.iterations = int(position or ITERATIONS), int(1 if velocity is None else velocity)
+        return path
+
+    def _set_link(self, prim: Any) -> None:
+        """Set the damping and speed of a link where the file states none."""
+        values = {"angularDamping": float(self._settings["angular_damping"])}  # type: ignore[arg-type]
+        if not self._settings["bounded_speeds"]:
+            values["maxAngularVelocity"] = FASTEST
+        for name, value in values.items():
+            if self._file.stated(prim, f"physxRigidBody:{name}") is None:
+                self._set(prim, "PhysxRigidBodyAPI", f"physxRigidBody:{name}", value)
+
+    def _set_joints(self, held: Sequence[str]) -> None:
+        """Fix held joints, and remove limits if the settings want smooth motions."""
+        for name, (path, _, label) in list(self.joints.items()):
+            if label in held:
+                self._file.fix_joint(self._file.stage.GetPrimAtPath(path))
+                del self.joints[name]
+            elif self._settings["smooth"]:
+                prim = self._copied(path)
+                self._set(prim, "", "physics:lowerLimit", -np.inf)
+                self._set(prim, "", "physics:upperLimit", np.inf)
+
+    def _outer_shapes(self) -> list[Any]:
+        """Return the paths of shapes that collide and are of no body."""
+        shapes = [one for one in self._file.prims if COLLIDER in one.GetAppliedSchemas()]
+        return [one.GetPath() for one in shapes if not _is_of_body(one)]
+
+    def _set_gravity(self, gravity: Sequence[float]) -> None:
+        """Set gravity where the settings differ from the file."""
+        file, kind = self._file, "PhysicsScene"
+        scene = next((one for one in file.stage.Traverse() if one.GetTypeName() == kind), None)
+        scene = scene or file.stage.DefinePrim("/crosscheck_scene", kind)
+        size, types = float(np.linalg.norm(gravity)), file.pxr.Sdf.ValueTypeNames
+        along = file.pxr.Gf.Vec3f(*[one / size if size else 0.0 for one in gravity])
+        scene.CreateAttribute("physics:gravityDirection", types.Vector3f, False).Set(along)
+        self._set(scene, "", "physics:gravityMagnitude", size / file.unit)
+
+    def _copied(self, path: Any) -> Any:
+        """Return a prim; instances that it is in become copies, which can be changed."""
+        stage = self._file.stage
+        for above in reversed(list(self._file.pxr.Sdf.Path(path).GetAncestorsRange())):
+            if stage.GetPrimAtPath(above).IsInstance():
+                stage.GetPrimAtPath(above).SetInstanceable(False)
+        return stage.GetPrimAtPath(path)
+
+    def _set(self, prim: Any, schema: str, name: str, value: float | bool) -> None:
+        """Set an attribute in the layer."""
+        if schema:
+            prim.AddAppliedSchema(schema)
+        types = self._file.pxr.Sdf.ValueTypeNames
+        kind = {bool: types.Bool, int: types.Int, float: types.Float}[type(value)]
+        prim.CreateAttribute(name, kind, False).Set(value)
+
+    def _written(self) -> str:
+        """Return the layer as text, over the file."""
+        stage = self._file.stage
+        layer, root = self._file.pxr.Sdf.Layer.CreateAnonymous(".usda"), stage.GetRootLayer()
+        layer.TransferContent(stage.GetSessionLayer())
+        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
+            if root.pseudoRoot.HasInfo(key):
+                layer.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
+        layer.subLayerPaths = [os.path.abspath(self._file.path)]
+        text: str = layer.ExportToString()
+        return text
+
+
+def _is_of_body(prim: Any) -> bool:
+    """Return whether a prim is part of a body."""
+    while prim and not prim.IsPseudoRoot():
+        if BODY in prim.GetAppliedSchemas():
+            return True
+        prim = prim.GetParent()
+    return False

@@ -1,0 +1,202 @@
+"""How PhysX reads USD, and its drives in substeps, as listed in `docs/engines/physx.md`."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.harness.checks.prepare import prepare_tree
+from physics_crosscheck.harness.checks.task import model_task
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.forward_dynamics import forward_dynamics
+from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.reference.solving.next_state import SteppedBodies
+from tests.engines.extras import need
+from tests.models import written
+
+BODY = """def Xform "{}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+{{
+    float physics:mass = {}
+    point3f physics:centerOfMass = (0.05, -0.03, -0.1)
+    float3 physics:diagonalInertia = (0.02, 0.015, 0.01)
+    quatf physics:principalAxes = (0.8, 0.6, 0, 0)
+}}
+"""
+HINGE = """def PhysicsRevoluteJoint "{1}"
+  (prepend apiSchemas = ["PhysicsDriveAPI:angular", "NewtonJointAPI"])
+{{
+    uniform token physics:axis = "{2}"
+    rel physics:body0 = </r/{0}>
+    rel physics:body1 = </r/{1}_link>
+    point3f physics:localPos0 = (0.1, 0.05, -0.2)
+    float drive:angular:physics:stiffness = 5
+    float drive:angular:physics:damping = 0.1
+    float drive:angular:physics:targetPosition = 10
+    float newton:damping = 0.01
+    float newton:armature = 0.02
+}}
+"""
+ANCHOR = 'def PhysicsFixedJoint "anchor"\n{\n    rel physics:body1 = </r/base>\n}\n'
+HEAD = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def PhysicsScene "scene"
+{
+}
+def Xform "r" (prepend apiSchemas = ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
+{
+    int physxArticulation:solverPositionIterationCount = 4
+"""
+JOINTS = (("base", "a", "Y"), ("a_link", "b", "X"), ("a_link", "c", "Z"), ("b_link", "d", "Y"))
+TREE = HEAD + BODY.format("base", 2) + ANCHOR
+TREE += "".join(BODY.format(f"{one[1]}_link", 0.5 + k / 4) for k, one in enumerate(JOINTS))
+TREE += "".join(HINGE.format(*one) for one in JOINTS) + "}\n"
+"""A fixed base and four hinges with drives: d is below b, whose sibling is c."""
+
+COUNT = "    int physxArticulation:solverPositionIterationCount = 4\n"
+APIS = '"PhysicsArticulationRootAPI", "PhysxArticulationAPI"'
+ON_BODY = TREE.replace(f" (prepend apiSchemas = [{APIS}])", "").replace(COUNT, "")
+ON_BODY = ON_BODY.replace(
+    '"base" (prepend apiSchemas = [', f'"base" (prepend apiSchemas = [{APIS}, '
+)
+ON_BODY = ON_BODY.replace("    float physics:mass = 2", COUNT + "    float physics:mass = 2")
+"""The same with the articulation root on the body of the base."""
+
+
+def load(
+    text: str, folder: Path, name: str = "r.usda", settings: Mapping[str, object] | None = None
+) -> LoadedModel:
+    need("physx")
+    path = written(folder, name, text)
+    return engines()["physx"].load(ModelSpec(path, settings={"smooth": True, **(settings or {})}))
+
+
+@pytest.mark.parametrize("edits", [
+    {},
+    {"upAxis": "kilogramsPerUnit = 1000\n    upAxis"},
+    {"Count = 4": "Count = 32"},
+    {"rel physics:body0 = </r/b_link>\n    rel physics:body1 = </r/d_link>\n"
+     "    point3f physics:localPos0":
+     "rel physics:body0 = </r/d_link>\n    rel physics:body1 = </r/b_link>\n"
+     "    point3f physics:localPos1"},
+], ids=["tree", "tonnes", "iterations", "turned"])  # fmt: skip
+def test_next_states_and_accelerations_match_the_equations(
+    edits: Mapping[str, str], tmp_path: Path
+) -> None:
+    """Include drives, whose order shows in the fourth digit of a step at four iterations."""
+    need("physx")
+    robot = prepare_tree(written(tmp_path, "r.usda", TREE, *edits.items()), states=8)
+    model, coordinates = model_task(robot, "physx").load()
+    bodies, drawn = SteppedBodies(robot.tree), robot.samples
+    stepped = step_engine(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
+    assert stepped is not None
+    assert stepped.judgement.largest_discrepancy < 5e-5
+    dynamics = forward_dynamics(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
+    assert dynamics is not None
+    assert dynamics.judgement.largest_discrepancy < 1e-5
+
+
+def motion(model: LoadedModel, h: float = 1e-3, n: int = 1, speed: float = 1.0) -> np.ndarray:
+    """Return velocities after some steps from the same state."""
+    z = model.home[None] + 0.2
+    v = speed * np.ones_like(z)
+    return np.asarray(model.rollout(z, v, h, n, None, n)[1][0, 0])
+
+
+def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path: Path) -> None:
+    right, freed = load(TREE, tmp_path), load(ON_BODY, tmp_path, "freed.usda")
+    ((cause, remedy),) = freed.corrective_settings.items()
+    assert "articulation root" in cause
+    assert right.corrective_settings == {}
+    assert freed.coordinates == right.coordinates
+    assert freed.step_rule is None
+    moved = load(ON_BODY, tmp_path, "moved.usda", remedy)
+    assert moved.corrective_settings == {}
+    assert np.array_equal(motion(moved), motion(right))
+    assert not np.array_equal(motion(freed), motion(right))
+
+
+@pytest.mark.parametrize(("setting", "value", "speed"), [
+    ("angular_damping", 0.05, 1.0), ("bounded_speeds", True, 150.0),
+])  # fmt: skip
+def test_own_effects_act_only_on_request(
+    setting: str, value: object, speed: float, tmp_path: Path
+) -> None:
+    quiet, active = load(TREE, tmp_path), load(TREE, tmp_path, settings={setting: value})
+    assert quiet.corrective_settings == {}
+    ((_, remedy),) = active.corrective_settings.items()
+    assert remedy == {setting: type(value)(0)}  # type: ignore[call-arg]
+    assert not np.allclose(motion(active, speed=speed), motion(quiet, speed=speed), rtol=1e-5)
+    stated = TREE.replace('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]').replace(
+        "    float physics:mass",
+        "    float physxRigidBody:angularDamping = 0\n    float physics:mass",
+    )
+    if setting == "angular_damping":
+        kept = load(stated, tmp_path, "stated.usda", {setting: value})
+        assert np.array_equal(motion(kept), motion(quiet))
+
+
+def test_slow_articulations_stay_awake(tmp_path: Path) -> None:
+    text = TREE.replace('"scene"\n{', '"scene"\n{\n    float physics:gravityMagnitude = 0')
+    for number in ("stiffness = 5", "physics:damping = 0.1", "newton:damping = 0.01"):
+        text = text.replace(number, number.split("=")[0] + "= 0")
+    v = motion(load(text, tmp_path), h=0.1, n=20, speed=1e-3)
+    assert np.abs(v).min() > 1e-4
+
+
+def test_units_are_those_of_the_stage(tmp_path: Path) -> None:
+    slide = TREE.replace("RevoluteJoint", "PrismaticJoint").replace(":angular", ":linear")
+    meters = load(slide, tmp_path)
+    gravity, wanted = meters.gravity, motion(meters)
+    del meters  # PhysX holds stages of one unit at a time
+    text = slide.replace("metersPerUnit = 1", "metersPerUnit = 0.1")
+    for name, size in (("Pos0", "(1, 0.5, -2)"), ("OfMass", "(0.5, -0.3, -1)")):
+        before = "(0.1, 0.05, -0.2)" if name == "Pos0" else "(0.05, -0.03, -0.1)"
+        text = text.replace(f"{name} = {before}", f"{name} = {size}")
+    text = text.replace("(0.02, 0.015, 0.01)", "(2, 1.5, 1)").replace(
+        "Position = 10", "Position = 100"
+    )
+    tenths = load(text, tmp_path, "tenths.usda")
+    assert tenths.gravity == pytest.approx(gravity)
+    np.testing.assert_allclose(motion(tenths), wanted, rtol=1e-5)
+    with pytest.raises(EngineError, match="stages of one metersPerUnit at a time"):
+        load(slide, tmp_path)
+
+
+def test_limits_and_held_joints(tmp_path: Path) -> None:
+    limited = TREE.replace(
+        'axis = "X"',
+        'axis = "X"\n    float physics:upperLimit = 30\n    float physics:lowerLimit = -30',
+    )
+    assert np.isinf(load(limited, tmp_path).limits).all()
+    model = load(limited, tmp_path, settings={"smooth": False})
+    row = model.coordinates.index("b")
+    assert model.limits[row] == pytest.approx([-np.pi / 6, np.pi / 6])
+    assert np.isinf(np.delete(model.limits, row, axis=0)).all()
+    z = model.home[None] + 0.5
+    assert model.rollout(z, 3 + 0 * z, 0.01, 10, None, 1)[0][0, :, row].max() < np.pi / 6 + 1e-4
+    assert load(TREE, tmp_path, settings={"held": ["d"]}).coordinates == tuple(
+        name for name in load(TREE, tmp_path).coordinates if name != "d"
+    )
+
+
+@pytest.mark.parametrize(("edit", "problem"), [
+    (('"PhysicsArticulationRootAPI", ', ""), "0 prims have PhysicsArticulationRootAPI"),
+    (("PhysicsRevoluteJoint", "PhysicsSphericalJoint"), "neither a slide nor a hinge"),
+    (("#usda 1.0", "#usda 1.0\n)"), "not a USD layer"),
+])  # fmt: skip
+def test_files_that_it_cannot_run_are_refused(
+    edit: tuple[str, str], problem: str, tmp_path: Path
+) -> None:
+    with pytest.raises(EngineError, match=problem):
+        load(TREE.replace(*edit), tmp_path)
+
+
+def test_assumed_mass_is_a_remark(tmp_path: Path) -> None:
+    model = load(TREE.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
+    still = model.home[None]
+    assert any("PhysX gives base 1 kg" in one.message for one in model.remarks(still, 0 * still))
