@@ -270,9 +270,12 @@ class PhysxModel(TreeModel):
         """Yield active effects of the engine, and masses that it assumes."""
         for cause, settings in self.corrective_settings.items():
             (key,) = settings
-            shows = ("damping",) if key in PHYSX_EFFECTS else ("inertia",)
-            address = f"sidecar:settings.{key}"
-            yield Remark(kind="setting", message=cause, address=address, shows_in=shows)
+            is_own = key in PHYSX_EFFECTS
+            address = f"sidecar:settings.{key}" if is_own else self._layer.stated_root
+            shows = ("damping",) if is_own else ("inertia",)
+            yield Remark(
+                kind="setting", message=cause, address=address, shows_in=shows, fault=not is_own
+            )
         masses = self._scene.read("BODY_MASS")
         for name, mass in zip(self._scene.links, masses, strict=True):
             if name in self._layer.massless and mass == 1.0:

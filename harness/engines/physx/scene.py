@@ -122,7 +122,7 @@ class StageLayer:
 
     Attributes:
         text: of the layer.
-        root: path of the prim with the articulation root.
+        root: path of the prim with the articulation root; `stated_root` that of the file.
         base: path of the joint that fixes a body to the world; empty for a floating root.
         iterations: numbers of position and velocity iterations of a step.
         joints: path, type and name here of slides and hinges, by PhysX's name.
@@ -165,6 +165,7 @@ class StageLayer:
             problem += " joins bodies without it by constraints"
             raise UnsupportedError(problem, file=file.path)
         with file.pxr.Usd.EditContext(file.stage, file.stage.GetSessionLayer()):
+            self.stated_root = str(roots[0].GetPath())
             self.root = self._place_root(roots[0], bodies)
             shapes = self._outer_shapes() if settings["smooth"] else ()
             for path in [one.GetPath() for one in bodies]:
@@ -261,8 +262,8 @@ class StageLayer:
                 self._file.fix_joint(self._file.stage.GetPrimAtPath(path))
                 del self.joints[name]
             elif self._settings["smooth"]:
-                # PhysX drops a follower that has no finite limits.
-                prim, far = self._copied(path), FAR if name in self.followers else np.inf
+                # PhysX drops a follower if it or its leader has no finite limits.
+                prim, far = self._copied(path), FAR if self.followers else np.inf
                 self._set(prim, "", "physics:lowerLimit", -far)
                 self._set(prim, "", "physics:upperLimit", far)
 
