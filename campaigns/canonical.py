@@ -2,8 +2,8 @@
 
 Each engine builds a ball or block on a plane through its own interface, with a friction coefficient
 mu and a restitution e. It runs at its default step and at a tenth of it. Exact answers are closed
-forms. The command prints the table of `docs/canonical-contacts.md`. It needs the extras of the
-engines that `--engines` selects (all).
+forms. The command prints the table of `docs/canonical-contacts.md`; `--published` prints published
+tables beside our figures. It needs the extras of the engines that `--engines` selects (all).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ class CanonicalScene:
         slope: inclination of gravity, rad.
         mu, e: friction coefficient and restitution of the pair.
         duration: s.
+        half, mass, g: radius or half of the edge, m; kg; gravity, m/s^2.
+        settings: an engine's own settings; its default values otherwise.
     """
 
     ball: bool = False
@@ -47,16 +49,20 @@ class CanonicalScene:
     mu: float = SLOPE_MU
     e: float = 0.0
     duration: float = 2.0
+    half: float = HALF
+    mass: float = MASS
+    g: float = G
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def gravity(self) -> tuple[float, float, float]:
         """Components along x, y and z."""
-        return G * math.sin(self.slope), 0.0, -G * math.cos(self.slope)
+        return self.g * math.sin(self.slope), 0.0, -self.g * math.cos(self.slope)
 
     @property
     def inertia(self) -> float:
         """Principal moment of inertia, kg m^2."""
-        return (0.4 if self.ball else 2 / 3) * MASS * HALF**2
+        return (0.4 if self.ball else 2 / 3) * self.mass * self.half**2
 
 
 def mujoco_track(scene: CanonicalScene, h: float) -> Track:
@@ -74,13 +80,15 @@ def mujoco_track(scene: CanonicalScene, h: float) -> Track:
 
 
 def mjcf(scene: CanonicalScene, h: float) -> str:
-    """Return a scene as MJCF; the format has no restitution."""
+    """Return a scene as MJCF; settings are attributes of `option` and of both geoms (`geom`)."""
     gravity = " ".join(map(repr, scene.gravity))
-    kind, size = ("sphere", "0.1") if scene.ball else ("box", "0.1 0.1 0.1")
-    return f"""<mujoco><option timestep="{h}" gravity="{gravity}" jacobian="dense"/><worldbody>
-    <geom type="plane" size="9 9 1" friction="{scene.mu}"/>
-    <body pos="0 0 {HALF + scene.gap}"><freejoint/>
-    <geom type="{kind}" size="{size}" mass="{MASS}" friction="{scene.mu}"/></body>
+    kind, size = ("sphere", 1) if scene.ball else ("box", 3)
+    option, geom = scene.settings.get("option", ""), scene.settings.get("geom", "")
+    return f"""<mujoco><option timestep="{h}" gravity="{gravity}" jacobian="dense" {option}/>
+    <default><geom friction="{scene.mu}" {geom}/></default><worldbody>
+    <geom type="plane" size="9 9 1"/>
+    <body pos="0 0 {scene.half + scene.gap}"><freejoint/>
+    <geom type="{kind}" size="{f"{scene.half} " * size}" mass="{scene.mass}"/></body>
     </worldbody></mujoco>"""
 
 
@@ -104,19 +112,20 @@ def mjx_track(scene: CanonicalScene, h: float) -> Track:
 
 
 def pybullet_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in PyBullet; both coefficients are products."""
+    """Run a scene in PyBullet; both coefficients are products; settings are the engine's."""
     import pybullet as p
 
     client = p.connect(p.DIRECT)
     p.setGravity(*scene.gravity)
     p.setTimeStep(h)
+    p.setPhysicsEngineParameter(**scene.settings)
     floor = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
     shape = (
-        p.createCollisionShape(p.GEOM_SPHERE, radius=HALF)
+        p.createCollisionShape(p.GEOM_SPHERE, radius=scene.half)
         if scene.ball
-        else p.createCollisionShape(p.GEOM_BOX, halfExtents=[HALF] * 3)
+        else p.createCollisionShape(p.GEOM_BOX, halfExtents=[scene.half] * 3)
     )
-    body = p.createMultiBody(MASS, shape, basePosition=[0, 0, HALF + scene.gap])
+    body = p.createMultiBody(scene.mass, shape, basePosition=[0, 0, scene.half + scene.gap])
     p.changeDynamics(floor, -1, lateralFriction=1, restitution=1)
     p.changeDynamics(body, -1, lateralFriction=scene.mu, restitution=scene.e)
     p.changeDynamics(body, -1, linearDamping=0, angularDamping=0)
@@ -140,10 +149,12 @@ def pymunk_track(scene: CanonicalScene, h: float) -> Track:
     space.collision_slop = 1e-5  # its default is a tenth of a metre
     floor = pymunk.Segment(space.static_body, (-50, 0), (50, 0), 0)
     floor.elasticity = floor.friction = 1
-    body = pymunk.Body(MASS, scene.inertia)
-    body.position, body.velocity = (0, HALF + scene.gap), (scene.speed, 0)
+    body = pymunk.Body(scene.mass, scene.inertia)
+    body.position, body.velocity = (0, scene.half + scene.gap), (scene.speed, 0)
     shape = (
-        pymunk.Circle(body, HALF) if scene.ball else pymunk.Poly.create_box(body, [2 * HALF] * 2)
+        pymunk.Circle(body, scene.half)
+        if scene.ball
+        else pymunk.Poly.create_box(body, [2 * scene.half] * 2)
     )
     shape.elasticity, shape.friction = scene.e, scene.mu
     space.add(floor, body, shape)
@@ -155,7 +166,7 @@ def pymunk_track(scene: CanonicalScene, h: float) -> Track:
 
 
 def drake_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in Drake's discrete plant with point contacts."""
+    """Run a scene in Drake's discrete plant with point contacts; settings are the plant's."""
     from pydrake.geometry import Box, HalfSpace, Sphere
     from pydrake.math import RigidTransform
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
@@ -170,18 +181,20 @@ def drake_track(scene: CanonicalScene, h: float) -> Track:
         plant.world_body(), RigidTransform(), HalfSpace(), "floor", friction
     )
     inertia = (
-        SpatialInertia.SolidSphereWithMass(MASS, HALF)
+        SpatialInertia.SolidSphereWithMass(scene.mass, scene.half)
         if scene.ball
-        else SpatialInertia.SolidBoxWithMass(MASS, *[2 * HALF] * 3)
+        else SpatialInertia.SolidBoxWithMass(scene.mass, *[2 * scene.half] * 3)
     )
     body = plant.AddRigidBody("body", inertia)
-    shape = Sphere(HALF) if scene.ball else Box(*[2 * HALF] * 3)
+    shape = Sphere(scene.half) if scene.ball else Box(*[2 * scene.half] * 3)
     plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "body", friction)
     plant.mutable_gravity_field().set_gravity_vector(list(scene.gravity))
     plant.Finalize()
+    for name, value in scene.settings.items():
+        getattr(plant, f"set_{name}")(value)
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    start = [1, 0, 0, 0, 0, 0, HALF + scene.gap, 0, 0, 0, scene.speed, 0, 0]
+    start = [1, 0, 0, 0, 0, 0, scene.half + scene.gap, 0, 0, 0, scene.speed, 0, 0]
     plant.SetPositionsAndVelocities(context, start)
     rows = []
     for k in range(round(scene.duration / h)):
@@ -211,7 +224,7 @@ def dart_track(scene: CanonicalScene, h: float) -> Track:
         aspect.setFrictionCoeff(scene.mu)
         aspect.setRestitutionCoeff(e)
         inertia = dart.dynamics.Inertia()
-        inertia.setMass(MASS)
+        inertia.setMass(scene.mass)
         inertia.setMoment(scene.inertia * np.eye(3))
         body.setInertia(inertia)
         place = dart.math.Isometry3()
@@ -221,9 +234,9 @@ def dart_track(scene: CanonicalScene, h: float) -> Track:
         return skeleton
 
     add("floor", dart.dynamics.BoxShape([40, 40, 1]), -0.5, 1.0, fixed=True)
-    sphere, box = dart.dynamics.SphereShape(HALF), dart.dynamics.BoxShape([2 * HALF] * 3)
-    shape = sphere if scene.ball else box
-    body = add("body", shape, HALF + scene.gap, scene.e, fixed=False)
+    sphere, box = dart.dynamics.SphereShape, dart.dynamics.BoxShape
+    shape = sphere(scene.half) if scene.ball else box([2 * scene.half] * 3)
+    body = add("body", shape, scene.half + scene.gap, scene.e, fixed=False)
     body.setVelocities([0, 0, 0, scene.speed, 0, 0])
     rows = []
     for _ in range(round(scene.duration / h)):
@@ -247,13 +260,13 @@ def sapien_track(scene: CanonicalScene, h: float) -> Track:
     material = sapien.physx.PhysxMaterial(scene.mu, scene.mu, scene.e)
     world.add_ground(0, render=False, material=material)
     builder = world.create_actor_builder()
-    density = MASS / (4 / 3 * math.pi * HALF**3 if scene.ball else (2 * HALF) ** 3)
+    density = scene.mass / ((4 / 3 * math.pi if scene.ball else 8) * scene.half**3)
     if scene.ball:
-        builder.add_sphere_collision(radius=HALF, material=material, density=density)
+        builder.add_sphere_collision(radius=scene.half, material=material, density=density)
     else:
-        builder.add_box_collision(half_size=[HALF] * 3, material=material, density=density)
+        builder.add_box_collision(half_size=[scene.half] * 3, material=material, density=density)
     actor = builder.build()
-    actor.set_pose(sapien.Pose([0, 0, HALF + scene.gap]))
+    actor.set_pose(sapien.Pose([0, 0, scene.half + scene.gap]))
     body = actor.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
     body.set_linear_velocity([scene.speed, 0, 0])
     body.linear_damping = body.angular_damping = 0.0
@@ -267,28 +280,29 @@ def sapien_track(scene: CanonicalScene, h: float) -> Track:
 
 
 def newton_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in Newton with its XPBD solver."""
+    """Run a scene in Newton with its XPBD solver; settings are the solver's."""
     import newton
     import warp as wp
 
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_ERROR
     with wp.ScopedDevice("cpu"):
         builder = newton.ModelBuilder()
         config = newton.ModelBuilder.ShapeConfig(density=0, mu=scene.mu, restitution=scene.e)
         builder.add_ground_plane(cfg=config)
         inertia = wp.mat33(*(scene.inertia * np.eye(3)).ravel().tolist())
         body = builder.add_body(
-            xform=wp.transform((0.0, 0.0, HALF + scene.gap), wp.quat_identity()),
-            mass=MASS,
+            xform=wp.transform((0.0, 0.0, scene.half + scene.gap), wp.quat_identity()),
+            mass=scene.mass,
             inertia=inertia,
         )
         if scene.ball:
-            builder.add_shape_sphere(body, radius=HALF, cfg=config)
+            builder.add_shape_sphere(body, radius=scene.half, cfg=config)
         else:
-            builder.add_shape_box(body, hx=HALF, hy=HALF, hz=HALF, cfg=config)
+            builder.add_shape_box(body, hx=scene.half, hy=scene.half, hz=scene.half, cfg=config)
         model = builder.finalize()
         model.set_gravity(scene.gravity)
-        solver = newton.solvers.SolverXPBD(model, enable_restitution=scene.e > 0)
+        restitution = scene.e > 0
+        solver = newton.solvers.SolverXPBD(model, enable_restitution=restitution, **scene.settings)
         state, next_state = model.state(), model.state()
         speed = np.zeros((1, 6), dtype=np.float32)
         speed[0, 0] = scene.speed
@@ -543,20 +557,20 @@ ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = 
 """Each engine with its default step, s, or the step of its own examples."""
 
 
-def rebound(track: Track, h: float) -> float:
-    """Return the effective restitution: square root of the largest height after touch over DROP."""
-    z = track[:, 1] - HALF
-    until = round(1.2 * math.sqrt(2 * DROP / G) / h)
+def rebound(track: Track, h: float, scene: CanonicalScene) -> float:
+    """Return the effective restitution: square root of the largest height after touch over gap."""
+    z = track[:, 1] - scene.half
+    until = round(1.2 * math.sqrt(2 * scene.gap / scene.g) / h)
     touched = int(np.argmin(z[:until]))
-    return math.sqrt(max(float(z[touched:].max()), 0.0) / DROP)
+    return math.sqrt(max(float(z[touched:].max()), 0.0) / scene.gap)
 
 
-def depth(track: Track, h: float) -> float:
+def depth(track: Track, h: float, scene: CanonicalScene) -> float:
     """Return the penetration at rest, m."""
-    return float(HALF - track[-1, 1])
+    return float(scene.half - track[-1, 1])
 
 
-def creep(track: Track, h: float) -> float:
+def creep(track: Track, h: float, scene: CanonicalScene) -> float:
     """Return the mean speed over the second half, m/s."""
     half = len(track) // 2
     return float((track[-1, 0] - track[half, 0]) / ((len(track) - 1 - half) * h))
@@ -570,12 +584,12 @@ def limit_rebound(track: Track) -> float:
     return float(-rate[np.argmax(back)]) / LIMIT_SPEED if back.any() else math.nan
 
 
-def stop_error(track: Track, h: float) -> float:
+def stop_error(track: Track, h: float, scene: CanonicalScene) -> float:
     """Return the relative error of the stop distance."""
-    return float(track[-1, 0]) / (SPEED**2 / (2 * MU * G)) - 1
+    return float(track[-1, 0]) / (scene.speed**2 / (2 * scene.mu * scene.g)) - 1
 
 
-Measure = Callable[[Track, float], float]
+Measure = Callable[[Track, float, CanonicalScene], float]
 
 PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] = {
     "rebound, e = 0.8": (
@@ -617,7 +631,7 @@ def cells(engine: str) -> list[str]:
     run, step = ENGINES[engine]
     row = []
     for scene, measure, text in PROBLEMS.values():
-        row.append(_both([text(measure(run(scene, h), h)) for h in (step, step / 10)]))
+        row.append(_both([text(measure(run(scene, h), h, scene)) for h in (step, step / 10)]))
     if swing := PENDULUMS.get(engine):
         row.append(_both([f"{limit_rebound(swing(h)):.3f}" for h in (step, step / 10)]))
     return row if swing else [*row, "-"]
@@ -641,4 +655,11 @@ def main(names: list[str]) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--engines", nargs="+", default=list(ENGINES), choices=list(ENGINES))
-    main(parser.parse_args().engines)
+    parser.add_argument("--published", action="store_true", help="print the published tables")
+    options = parser.parse_args()
+    if options.published:
+        from campaigns.published import print_table
+
+        print_table(options.engines)
+    else:
+        main(options.engines)

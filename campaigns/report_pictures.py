@@ -17,12 +17,12 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from PIL import Image
 
-from tests.report.chromium import running
+from tests.report.chromium import CHROMIUM, running
 
 VIEWS = {
     "overview.png": ("", 1280, 800),
@@ -36,6 +36,18 @@ ANIMATED = "robot.png"
 SIZE, FRAMES, FRAME_MILLISECONDS = (1280, 690), 14, 90
 
 VIEWER = "document.querySelector('.view.current .scene').viewer"
+
+HAS_SCENE = "!!document.querySelector('.view.current .scene')"
+
+CANVAS = """(() => {
+  const canvas = document.querySelector(".view.current .scene canvas");
+  canvas.scrollIntoView();
+  const { x, y, width, height } = canvas.getBoundingClientRect();
+  return { x: x + scrollX, y: y + scrollY, width, height, scale: 1 };
+})()"""
+"""Script that returns the rectangle of a scene."""
+
+THUMBNAIL = (192, 144)
 
 
 def frames(report: Path) -> Iterator[Image.Image]:
@@ -58,6 +70,26 @@ def frames(report: Path) -> Iterator[Image.Image]:
             tab.run("new Promise((done) => setTimeout(done, 300))")
             shot = tab.send("Page.captureScreenshot", format="png")["data"]
             yield Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
+
+
+def write_pictures(reports: Mapping[Path, Path]) -> None:
+    """Write a small picture of the robot of each report, as drawn, if a browser is installed."""
+    if not reports or CHROMIUM is None:
+        return
+    with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
+        for report, path in reports.items():
+            with browser.tab() as tab:
+                tab.window(640, 900)
+                tab.send("Emulation.setScrollbarsHidden", hidden=True)
+                tab.open((report / "index.html").resolve().as_uri())
+                if not tab.run(HAS_SCENE):
+                    continue
+                tab.until("document.querySelector('.view.current .scene [data-frames]')")
+                box = tab.run(CANVAS)
+                shot = tab.send("Page.captureScreenshot", format="png", clip=box)["data"]
+                picture = Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
+                picture.thumbnail(THUMBNAIL)
+                picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def write_animation(report: Path, path: Path) -> None:

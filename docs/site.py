@@ -1,10 +1,15 @@
-"""Hooks of the site: folders in the navigation, notebooks as pages, links that leave `docs/`."""
+"""Hooks of the site: folders in the navigation, notebooks as pages, links that leave `docs/`.
+
+If the gallery has been made, the site contains it, and the first page its table.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import posixpath
 import re
+import shutil
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,6 +25,11 @@ from physics_crosscheck.harness.interfaces.cli.reference import generated_pages
 
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)#\s]*)(#[^)\s]*)?\)")
 NOTEBOOKS = Path(__file__).parents[1] / "examples"
+GALLERY = Path(__file__).parents[1] / "reports/gallery-site"
+"""Pages of `python -m gallery`."""
+
+PLACE = "<!-- gallery -->"
+"""Place of the gallery's table in a page."""
 
 
 def on_config(config: Any, **_: Any) -> Any:
@@ -59,7 +69,33 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
             return f"[{link[1]}]({to})"
         return link[1]
 
-    return _LINK.sub(inside, markdown)
+    return _LINK.sub(inside, markdown.replace(PLACE, gallery_table(GALLERY)))
+
+
+def gallery_table(gallery: Path) -> str:
+    """Return robots by engines as Markdown: digits, or what goes wrong; empty without a gallery."""
+    if not (gallery / "gallery.json").is_file():
+        return ""
+    cells = json.loads((gallery / "gallery.json").read_bytes())["cells"]
+    engines = sorted({cell["engine"] for cell in cells} - {"-"})
+    rows: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        suffix = cell["file"].rpartition(".")[2]
+        name = f"[{cell['robot']}](gallery/{cell['page']}) {suffix}"
+        rows.setdefault(name, {})[cell["engine"]] = cell["text"]
+    lines = [f"| robot | {' | '.join(engines)} |", "|---" * (len(engines) + 1) + "|"]
+    lines += [
+        f"| {name} | {' | '.join(row.get(one, '') for one in engines)} |"
+        for name, row in rows.items()
+    ]
+    head = "[The gallery](gallery/index.html): digits to which each engine follows the file."
+    return "\n".join([head, "", *lines, ""])
+
+
+def on_post_build(*, config: Any, **_: Any) -> None:
+    """Copy the gallery into the site."""
+    if GALLERY.is_dir():
+        shutil.copytree(GALLERY, Path(config.site_dir, "gallery"), dirs_exist_ok=True)
 
 
 def execute(notebook: Any) -> None:

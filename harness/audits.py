@@ -3,8 +3,6 @@
 The jobs are those of a run's audits. With a cache, results of earlier runs and audits are reused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Paths of this package, in a checkout and where it is installed, and shared defaults."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

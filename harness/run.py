@@ -5,8 +5,6 @@ system.py --prepare--> reference motions --+
 model files and sidecars --plan--> tasks --+
 """
 
-from __future__ import annotations
-
 import datetime
 import time
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Load the `system.py` of a system folder."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import os

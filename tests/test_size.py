@@ -18,7 +18,7 @@ ROOMS = {
     "reference": ("reference/**/*.py",),
     "page": ("harness/**/*.html", "harness/**/*.css", "harness/**/*.js"),
     "tests": ("tests/**/*.py", "conftest.py"),
-    "campaigns": ("campaigns/**/*.py", "soak/**/*.py", "benchmarks/**/*.py"),
+    "campaigns": ("campaigns/**/*.py", "gallery/**/*.py", "soak/**/*.py", "benchmarks/**/*.py"),
     "docs": ("docs/**/*.md", "README.md", "CONTRIBUTING.md"),
 }
 CLASSES = ("harness", "reference")  # the rooms whose classes are counted

@@ -50,7 +50,7 @@ LOADERS = {
     "drake": (
         "sdf",
         "from pydrake.all import MultibodyPlant, Parser; plant = MultibodyPlant(0.001);"
-        " Parser(plant).AddModels(f)",
+        " Parser(plant).AddModels(f); plant.Finalize()",
     ),
     "dart": (
         "sdf",
@@ -81,11 +81,12 @@ class DrawnFile(Record, frozen=True, kw_only=True):
         file: its path below the folder of clones.
         format: urdf, xacro, mjcf or sdf.
         code: exit code of `crosscheck run`; negative for a signal, -9 at the time limit.
-        seconds: elapsed time.
+        seconds: processor time, also of its workers.
         outcomes: outcome by engine.
         reasons: `outcome engine code: reason` of each case that does not agree, and its causes.
         loading: engines that load the file by themselves.
         mass: difference of the reference's mass matrix from an independent one; None without one.
+        is_static: whether its outcome is that nothing moves.
     """
 
     file: str
@@ -96,11 +97,14 @@ class DrawnFile(Record, frozen=True, kw_only=True):
     reasons: tuple[str, ...]
     loading: tuple[str, ...]
     mass: Number = None
+    is_static: bool = False
 
     @property
     def has_verdict(self) -> bool:
-        """True if at least one engine agrees or differs."""
-        return bool({Outcome.AGREES, Outcome.DIFFERS} & set(self.outcomes.values()))
+        """True if at least one engine agrees or differs, or nothing in the file moves."""
+        return self.is_static or bool(
+            {Outcome.AGREES, Outcome.DIFFERS} & set(self.outcomes.values())
+        )
 
 
 def clone(folder: Path) -> None:
@@ -155,19 +159,37 @@ def draw(clones: Path, seed: int, count: int) -> list[tuple[str, Path]]:
     return drawn
 
 
-def finish(command: Sequence[str], limit: float, folder: Path) -> tuple[int, str]:
-    """Run a command; return its exit code (-9 at the limit) and what it printed."""
+def finish(command: Sequence[str], limit: float, folder: Path) -> tuple[int, str, float]:
+    """Run a command; return its exit code (-9 at the limit), output, and processor seconds."""
     with subprocess.Popen(
         command, cwd=folder, start_new_session=True, text=True, errors="replace",
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     ) as process:  # fmt: skip
+        ends = time.monotonic() + limit
+        seconds: dict[str, float] = {}
+        while time.monotonic() < ends:
+            seconds |= _seconds_by_process(process.pid)
+            try:
+                text, _ = process.communicate(timeout=0.2)
+            except subprocess.TimeoutExpired:
+                continue
+            return process.returncode, text, sum(seconds.values())
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return -9, f"no end within {limit:g} s", sum(seconds.values())
+
+
+def _seconds_by_process(session: int) -> dict[str, float]:
+    """Return processor seconds of each process of a session: nothing waits for some workers."""
+    seconds = {}
+    for place in Path("/proc").glob("[0-9]*"):
         try:
-            text, _ = process.communicate(timeout=limit)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            return -9, f"no end within {limit:g} s"
-        return process.returncode, text
+            fields = place.joinpath("stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session:
+            seconds[place.name] = sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+    return seconds
 
 
 def loading_engines(kind: str, file: Path) -> tuple[str, ...]:
@@ -176,7 +198,7 @@ def loading_engines(kind: str, file: Path) -> tuple[str, ...]:
     for engine, (formats, code) in LOADERS.items():
         if kind in formats.split():
             first = "import sys; f = sys.argv[1]; " + (_EXPAND if kind == "xacro" else "")
-            if finish([sys.executable, "-c", first + code, str(file)], 60, file.parent)[0] == 0:
+            if finish([sys.executable, "-c", first + code, str(file)], 180, file.parent)[0] == 0:
                 engines.append(engine)
     return tuple(engines)
 
@@ -184,18 +206,16 @@ def loading_engines(kind: str, file: Path) -> tuple[str, ...]:
 def mass_difference(file: Path) -> float | None:
     """Return the difference of the mass matrices, computed in another process; None without one."""
     command = [sys.executable, "-m", "campaigns.real_models.masses", str(file)]
-    code, text = finish(command, 60, file.parent)
+    code, text, _ = finish(command, 180, file.parent)
     numbers = re.findall(r"(?m)^(\d\.\de[-+]\d+) ", text)
     return float(numbers[0]) if numbers and code == 0 else None
 
 
 def run(kind: str, file: Path, clones: Path, limit: float) -> DrawnFile:
     """Run `crosscheck run` on a file, and load it in the engines alone."""
-    began = time.perf_counter()
     with tempfile.TemporaryDirectory() as out:
         program = [sys.executable, "-m", "physics_crosscheck", "run", "--jobs", "1", "--out", out]
-        code, text = finish([*program, str(file)], limit, file.parent)
-        seconds = time.perf_counter() - began
+        code, text, seconds = finish([*program, str(file)], limit, file.parent)
         try:
             results = read_results(Path(out, "results.json"))
             cases, models = results.cases, results.models
@@ -222,6 +242,7 @@ def run(kind: str, file: Path, clones: Path, limit: float) -> DrawnFile:
         reasons=tuple(reasons if cases else [f"no result: {text.strip()[-300:]}"]),
         loading=loading_engines(kind, file),
         mass=mass_difference(file) if cases else None,
+        is_static=any(case.kind == "no joint" for case in cases),
     )
 
 
@@ -244,11 +265,16 @@ def tables(results: Sequence[DrawnFile]) -> str:
         lines.append(f"{kind}: {len(of_kind)} files; exit codes: {counts or 'none'}")
     loads = [one for one in results if one.loading]
     missing = sum(not one.has_verdict for one in loads)
-    lines.append(f"{missing} of {len(loads)} files that an engine loads have no verdict")
+    still = sum(one.is_static for one in loads)
+    lines.append(
+        f"{missing} of {len(loads)} files that an engine loads have no verdict, {still} are static"
+    )
     masses = [one.mass for one in results if one.mass is not None]
     lines.append(f"{sum(one < SAME for one in masses)} of {len(masses)} mass matrices agree")
     seconds = [one.seconds for one in results] or [0.0]
-    lines.append(f"median {statistics.median(seconds):.1f} s, largest {max(seconds):.1f} s")
+    lines.append(
+        f"processor time: median {statistics.median(seconds):.1f} s, most {max(seconds):.1f} s"
+    )
     rows_by_title: dict[str, dict[str, list[str]]] = {
         title: defaultdict(list) for title in ("no verdict, by reason", "other reasons")
     }
@@ -276,7 +302,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=150, help="files to draw [150]")
     parser.add_argument("--formats", nargs="*", default=list(dict.fromkeys(TURNS)))
-    parser.add_argument("--limit", type=float, default=600.0, help="seconds per file [600]")
+    parser.add_argument("--limit", type=float, default=600.0, help="elapsed seconds per file [600]")
     parser.add_argument("--kept", type=Path, default=Path("drawn.jsonl"), help="file of results")
     parser.add_argument("--clone", action="store_true", help="clone missing repositories first")
     options = parser.parse_args()

@@ -1,7 +1,5 @@
 """Changes of cases and audits that were run, for the gate and for a run with a baseline."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

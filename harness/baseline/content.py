@@ -1,7 +1,5 @@
 """Statements of robot files: hashes without comments, format and colors; their changes by line."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

@@ -6,8 +6,6 @@ equations. So the gate distinguishes a changed model from changed equations. Oth
 discrepancies are compared. The error of the time step is separate.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

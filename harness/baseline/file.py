@@ -4,8 +4,6 @@ Every entry contains its own names and a seal over its whole content. A snapshot
 hash of its content. So a file that was damaged, badly merged or edited by hand is rejected.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -3,8 +3,6 @@
 They are read without running anything, so unchanged results are recognized at once.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.metadata
 import os

@@ -5,8 +5,6 @@ and is shown as a known difference until it changes: its outcome, or the motion 
 the equations on the accepted snapshot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Changes since the acceptance, found from hashes and versions without running anything."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

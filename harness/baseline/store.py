@@ -3,8 +3,6 @@
 Each quantity has its own line, in a stable order, so that a diff shows exactly what changed.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Quantities that the numbers of a file act as in an engine, without a motion."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -218,6 +216,8 @@ class Acting:
                     yield from self._contact(subject, parameters, rule, rest)
             return
         for (parameters, rule), pairs in alike.items():
+            # Feet first: shapes of the last links.
+            pairs.sort(key=lambda pair: self._carries(self.model.laws.surfaces[pair[1]]))
             touched = _listed(self.shapes[j] for _, j in pairs)
             subject = f"{self.shapes[pairs[0][0]]} with {touched}"
             yield from self._contact(subject, parameters, rule, pairs)
@@ -235,6 +235,17 @@ class Acting:
                     yield (i, j), parameters, "stated for the pair"
                 elif first.touches(other):
                     yield (i, j), mix_surfaces(first, other), _rule(first, other)
+
+    def _carries(self, surface: Surface) -> bool:
+        link = self.model.tree.bodies[surface.body][0]
+        return any(one.parent == link for one in self.model.tree.tree.links)
+
+    def _is_loose(self, body: int) -> bool:
+        """Return whether a body rests on the ground, since nothing but slides holds its root."""
+        link, links = self.model.tree.bodies[body][0], self.model.tree.tree.links
+        while links[link].parent >= 0:
+            link = links[link].parent
+        return links[link].kind in ("free", "slide")
 
     def _moves(self, surface: Surface) -> bool:
         return self.model.tree.bodies[surface.body][0] >= 0
@@ -259,7 +270,8 @@ class Acting:
         depth, creep = rest_on(contact, laws, weight, self._weight)
         whole = "the whole weight on one contact"
         yield _quantity(subject, "rest depth", depth, "m", whole)
-        if contact.dimension > 1 and contact.friction[0] > np.tan(SLOPE):
+        sticks = contact.dimension > 1 and contact.friction[0] > np.tan(SLOPE)
+        if sticks and any(map(self._is_loose, bodies)):
             note = f"{whole}, on a slope of {np.degrees(SLOPE):g} degrees"
             yield _quantity(subject, "creep", creep, "m/s", note)
 

@@ -1,7 +1,5 @@
 """Audit of one model: literals, compiled terms, poses and the engine's own defaults."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 from pathlib import Path

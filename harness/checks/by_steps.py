@@ -6,8 +6,6 @@ agrees: from states of the motion, ten steps on from there, and each step of a f
 leaves the decision to segments, so that single steps alone never report a difference.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

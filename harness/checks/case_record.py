@@ -1,7 +1,5 @@
 """Records of a case in results.json: the numbers for plots and tables."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

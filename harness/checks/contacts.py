@@ -4,8 +4,6 @@ Where primitive shapes overlap and the file lets them touch, a contact must exis
 point of pairs with a closed form are compared with it, others with the gap along their normal.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

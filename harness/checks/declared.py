@@ -1,7 +1,5 @@
 """Names of a declaration, read without deriving anything."""
 
-from __future__ import annotations
-
 import builtins
 import warnings
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Derivation of a system for `crosscheck derive`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

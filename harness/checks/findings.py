@@ -1,7 +1,5 @@
 """Findings about a file by reading it, and the settings for running a robot file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress

@@ -166,7 +166,7 @@ class LawComparison:
 
     def shape_name(self, index: int) -> str:
         """Return the name of a surface of contacts."""
-        return self._shapes[index] if index < len(self._shapes) else f"shape {index}"
+        return (self._shapes[index] or "world") if index < len(self._shapes) else f"shape {index}"
 
     @cached_property
     def ranges(self) -> Array:

@@ -1,7 +1,5 @@
 """Linearizations of an engine's model, compared with those of the equations."""
 
-from __future__ import annotations
-
 import numpy as np
 from msgspec.structs import replace
 

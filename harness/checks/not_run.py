@@ -1,7 +1,5 @@
 """Records of cases that could not run, with their reasons."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -70,7 +70,7 @@ VISIBLE = 1e-3
 
 def scene_record(
     tree: Tree,
-    states: Segments,
+    states: Segments | None,
     bodies: Iterable[RigidBody],
     shapes: Sequence[PlacedShape] = (),
     home: Array | None = None,
@@ -79,16 +79,18 @@ def scene_record(
 
     Args:
         tree: the tree; its frames have the names of the bodies.
-        states: the segments.
+        states: the segments; None for a pose alone.
         bodies: the bodies, parents first.
         shapes: shapes of the file.
         home: coordinates of the pose to open with, (nv,); None: zeros.
     """
     n = tree.dof
     still = np.zeros(tree.nv) if home is None else home
-    coordinates = Coupled(tree).positions(states.start[:, :n].T)
-    rates = states.start[:, n:], (states.end - states.start)[:, n:] / states.lengths[:, None]
-    velocities, accelerations = (joint_rates(tree, coordinates, one) for one in rates)
+    coordinates = velocities = accelerations = np.zeros((tree.nv, 0))
+    if states is not None:
+        coordinates = Coupled(tree).positions(states.start[:, :n].T)
+        rates = states.start[:, n:], (states.end - states.start)[:, n:] / states.lengths[:, None]
+        velocities, accelerations = (joint_rates(tree, coordinates, one) for one in rates)
     placements = _placements(tree, coordinates)
     drawn = [
         (body, _drawn([shape for shape in shapes if shape.body == body.name])) for body in bodies
@@ -104,7 +106,7 @@ def scene_record(
         velocities=tuple(rounded(row, DIGITS) for row in velocities.tolist()),
         accelerations=tuple(rounded(row, DIGITS) for row in accelerations.tolist()),
         home=_placements(tree, still[:, None]),
-        length=number(_length(tree, coordinates)),
+        length=number(_length(tree, np.column_stack([coordinates, still]))),
         meshes=meshes.records,
         unread=unread_meshes(filter(_is_mesh, shapes)),
     )

@@ -4,8 +4,6 @@ All engines put its joints at the same postures. A difference changes no outcome
 the depth of two shapes from above, and so may show which engine's depth is wrong.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Record of a system: everything that a report shows about its physics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, TypeAlias, cast

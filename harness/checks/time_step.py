@@ -6,8 +6,6 @@ other checks. A step is unstable if its linearization has an eigenvalue outside 
 unless the equations grow alike, as an inverted pendulum does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -324,7 +322,8 @@ class StudiedModel:
         remedy = ""
         if isinstance(target, PreparedTree) and largest:
             remedy = _stable_damping(target, joint, pose, largest, h)
-        behaviour = f"grow {_growth_words(math.exp(pose.rate * h))}" if pose.rate else "do not"
+        grows_too = pose.rate * h > 1e-3 * math.log(mode.growth)
+        behaviour = f"grow {_growth_words(math.exp(pose.rate * h))}" if grows_too else "do not"
         grows = f"{pose.name}, a deviation grows {_growth_words(mode.growth)} a step"
         where = f"{grows}, and the equations {behaviour}"
         return _record(self.task, joint, mode.growth, (h, largest), where, remedy)

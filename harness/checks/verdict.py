@@ -4,8 +4,6 @@ The first outcome that applies: ABSENT, FAILED, DIFFERS, UNRESOLVED, AGREES. No 
 the uncertainty is that of the extrapolation, its rounding and the reference.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Count of the numbers in a model's files, by the check that tests them."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 import time

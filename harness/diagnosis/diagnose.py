@@ -6,8 +6,6 @@ scenarios together (Gauss-Newton). The ranking is by the remaining discrepancy. 
 hypothesis explains it, pairs are fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

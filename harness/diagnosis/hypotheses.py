@@ -1,7 +1,5 @@
 """Candidate hypotheses on a model: numbers that might be wrong, and how to change them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress

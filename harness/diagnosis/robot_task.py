@@ -1,7 +1,5 @@
 """Diagnosis of a robot's file in an engine: the numbers that the engine reads differently."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -140,16 +138,17 @@ def _explained_by_engine_defaults(run: FollowersRun) -> tuple[Explanation, ...]:
     Try each alone, then all together, without those that change nothing.
     """
     settings = run.way.model.corrective_settings
-    shares = {cause: _left_without(run, (cause,)) for cause in settings}
+    shares = {(cause,): _left_without(run, (cause,)) for cause in settings}
     explained: dict[tuple[str, ...], float] = {
-        (cause,): share for cause, share in shares.items() if share is not None
+        causes: share for causes, share in shares.items() if share is not None
     }
     if not explained and len(settings) > 1:
         needed = tuple(settings)
         share = _left_without(run, needed)
         for cause in settings if share is not None else ():
             others = tuple(one for one in needed if one != cause)
-            if (less := _left_without(run, others)) is not None:
+            less = shares[others] if others in shares else _left_without(run, others)
+            if less is not None:
                 needed, share = others, less
         explained = {} if share is None else {needed: share}
     return tuple(

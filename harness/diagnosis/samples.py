@@ -1,7 +1,5 @@
 """Samples of a diagnosis: a few segments of each scenario, and the engine's end states."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Diagnosis of one model in one engine: samples, hypotheses, ranking, and its record."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

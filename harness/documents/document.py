@@ -1,7 +1,5 @@
 """A model file as elements with lines, read as tolerantly as engines read it; links and joints."""
 
-from __future__ import annotations
-
 import math
 import re
 from codecs import BOM_UTF8

@@ -1,7 +1,5 @@
 """URDFs that xacro expands from sources, and the line of the source of each of their elements."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -139,13 +137,13 @@ def completed(file: Path) -> Path | None:
     is_urdf = file.suffix == ".urdf" and file.is_file() and not Path(f"{file}.toml").exists()
     data = without_comments(read_regular(file)) if is_urdf else b""
     lacks_inertia = b"<inertial" not in data or not _WEIGHT.search(data)
-    if b"<joint" not in data or not (lacks_inertia or re.search(rb"""["']world["']""", data)):
+    if b"<link" not in data or not (lacks_inertia or re.search(rb"""["']world["']""", data)):
         return None
     if (robot := _root_copy(file)) is None:
         return None
     parents = {one.get("link") for one in robot.findall("joint/parent")}
     lacks_world = "world" in parents - {one.get("name") for one in robot.findall("link")}
-    if not parents or not (lacks_world or lacks_inertia):
+    if not (lacks_world or lacks_inertia):
         return None
     if lacks_world:
         robot.add("link", {"name": "world"})

@@ -1,7 +1,5 @@
 """Safe reading of untrusted files: plain files of bounded size only; the lines of their bytes."""
 
-from __future__ import annotations
-
 import difflib
 import errno
 import os

@@ -1,7 +1,5 @@
 """Names that the schemas of URDF and SDFormat allow, and names of a file that they don't."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache

@@ -4,8 +4,6 @@ The rules are those of the format (http://wiki.ros.org/urdf/XML). Ambiguous file
 because engines read them differently or crash.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

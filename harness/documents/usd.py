@@ -6,6 +6,7 @@ asset's folder unless that is allowed.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shlex
@@ -56,7 +57,20 @@ _TOKEN = re.compile(
     rb"|(?P<property>[A-Za-z_][\w:.]*)(?=[ \t]*(?:=|\(|\r?$))",
     re.DOTALL | re.MULTILINE,
 )
-_SYNTAX = re.compile(r"'(?P<file>[^'\n]+?):(?P<line>\d+):\d+: (?P<sentence>[^\n]*?)'?\s*$")
+_SYNTAX = re.compile(r"(?P<file>[^\n]+?):(?P<line>\d+):\d+: (?P<sentence>.*)", re.DOTALL)
+
+MAX_PRIMS = 1_000_000
+"""The most prims of a stage."""
+
+_LENGTHS = {"localPos": 3, "localRot": 4, "principalAxes": 4, "centerOfMass": 3, "inertia": 6,
+            "diagonalInertia": 3, "gravityDirection": 3}  # fmt: skip
+"""Numbers in a value, by the end of its name; others are one number or a truth value."""
+
+_WORDS = {"axis": ("X", "Y", "Z"), "type": ("force", "acceleration")}
+"""Words that a value may be, by the end of its name."""
+
+_UNBOUNDED = re.compile(r"\w*(Limit|low|high|maxForce|velocityLimit|centerOfMass|gravityMagnitude)")
+"""Ends of names of values that may be infinite."""
 
 
 def import_usd(file: Path) -> Any:
@@ -114,6 +128,7 @@ class UsdStage:
         pxr = self.pxr = import_usd(path)
         self.path, self.obstacles = path, list[ReadError]()
         self._changed: dict[tuple[str, str], Any] = {}
+        self._wrong = set[tuple[str, str]]()
         self._lines: dict[str, Mapping[str, int]] = {}
         # Held while it opens, so that warnings stay off the screen.
         delegate = pxr.UsdUtils.CoalescingDiagnosticDelegate()
@@ -124,7 +139,7 @@ class UsdStage:
             self.selection = self._select(variants or {})
             errors = self.stage.GetCompositionErrors()
         except pxr.Tf.ErrorException as error:
-            raise _unreadable(path, str(error)) from None
+            raise _unreadable(path, error) from None
         finally:
             delegate.TakeUncoalescedDiagnostics()
         if errors:
@@ -133,9 +148,9 @@ class UsdStage:
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
-    def _select(self, variants: Mapping[str, str]) -> Mapping[str, str]:
-        """Select variants, and return the selection of all sets by prim and name."""
-        chosen: dict[str, str] = {}
+    def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
+        """Select variants, and return the selection of all sets, such as `size=large`."""
+        chosen: dict[str, None] = {}
         unused = dict(variants)
         for prim in self._traversed():
             sets = prim.GetVariantSets()
@@ -152,12 +167,13 @@ class UsdStage:
                     with self.pxr.Usd.EditContext(self.stage, self._session):
                         variant_set.SetVariantSelection(variants[name])
                     unused.pop(name, None)
-                chosen[f"{prim.GetPath()}{{{name}}}"] = variant_set.GetVariantSelection()
+                if selected := variant_set.GetVariantSelection():
+                    chosen[f"{name}={selected}"] = None
         if unused:
             raise LocationError(
                 f"it has no variant set {quote(next(iter(unused)))}", file=self.path
             )
-        return chosen
+        return tuple(chosen)
 
     def _traversed(self) -> list[Any]:
         usd = self.pxr.Usd
@@ -218,7 +234,29 @@ class UsdStage:
             return self._changed[key]
         attribute = prim.GetAttribute(name)
         value = attribute.Get() if attribute else None
-        return default if value is None else plain(value)
+        return default if value is None else self._checked(prim, name, plain(value), default)
+
+    def _checked(self, prim: Any, name: str, value: Any, default: Any) -> Any:
+        """Return a value of the type that its name has, or add a problem and return the default."""
+        last = name.rpartition(":")[2]
+        words, numbers = _WORDS.get(last), value if isinstance(value, tuple) else (value,)
+        if words is not None:
+            wrong = "" if value in words else f"it is {quote(str(value))}, not {' or '.join(words)}"
+        elif not _PHYSICAL.fullmatch(name) or name.startswith("xformOp"):
+            return value
+        elif not all(isinstance(one, (float, bool)) for one in numbers):
+            wrong = f"it is a {type(value).__name__}, not a number"
+        elif len(numbers) != _LENGTHS.get(last.rstrip("01"), 1) and last != "inertia":
+            wrong = f"it has {len(numbers)} numbers"
+        elif any(map(math.isnan, numbers)):
+            wrong = "it is not a number"
+        else:
+            is_bounded = all(map(math.isfinite, numbers)) or _UNBOUNDED.fullmatch(last)
+            wrong = "" if is_bounded else "it is infinite"
+        if wrong and (str(prim.GetPath()), name) not in self._wrong:
+            self._wrong.add((str(prim.GetPath()), name))
+            self.add_problem(prim, wrong, "correct it", name=name)
+        return default if wrong else value
 
     def stated(self, prim: Any, name: str) -> Any:
         """Return the value of an attribute if a layer states it; None otherwise."""
@@ -408,17 +446,45 @@ def _one_line(error: object) -> str:
     return truncate(" ".join(str(error).split()))
 
 
-def _unreadable(path: Path, message: str) -> LocationError:
+def _unreadable(path: Path, error: Any) -> LocationError:
     """Return the error of a layer that OpenUSD can't read, with its line."""
-    syntax = _SYNTAX.search(message.strip())
+    try:
+        words = re.sub(r"pxrInternal\w*::(\w+::)*", "", str(error.args[0].commentary).strip())
+    except UnicodeDecodeError:
+        return LocationError("not a USD layer: it has bytes that are not UTF-8", file=path)
+    syntax = _SYNTAX.fullmatch(words)
     if syntax is None:
-        return LocationError(f"not a USD layer: {_one_line(message)}", file=path)
-    error = LocationError(
-        f"not a USD layer: {syntax['sentence']}",
-        file=Path(syntax["file"]),
-        line=int(syntax["line"]),
-    )
-    return error.with_remedy("correct that line")
+        return LocationError(f"not a USD layer: {_one_line(words)}", file=path)
+    sentence = f"not a USD layer: {_one_line(syntax['sentence'])}"
+    located = LocationError(sentence, file=Path(syntax["file"]), line=int(syntax["line"]))
+    return located.with_remedy("correct that line")
+
+
+def _reference_line(file: Path, name: str) -> int | None:
+    """Return the line of a text layer that names another one."""
+    before, at, _ = file.read_bytes().partition(f"@{name}@".encode())
+    return before.count(b"\n") + 1 if at and not before.startswith((CRATE, PACKAGE)) else None
+
+
+def _prim_count(layers: Mapping[str, Any], layer: Any, path: Any, sizes: dict[Any, int]) -> int:
+    """Return about how many prims a prim of a layer has, with those that it refers to."""
+    key = layer.identifier, path
+    if key not in sizes:
+        sizes[key] = 1  # a circle, which composition reports
+        prim = layer.GetPrimAtPath(path)
+        arcs = (prim.referenceList, prim.payloadList) if prim else ()
+        total = 1 + sum(
+            _prim_count(layers, layer, one.path, sizes)
+            for one in (prim.nameChildren if prim else ())
+        )
+        for one in (one for arc in arcs for one in arc.GetAddedOrExplicitItems()):
+            name = layer.ComputeAbsolutePath(one.assetPath) if one.assetPath else layer.identifier
+            other = layers.get(name)
+            if other is not None:
+                target = one.primPath or f"/{other.defaultPrim}"
+                total += _prim_count(layers, other, target, sizes)
+        sizes[key] = total
+    return sizes[key]
 
 
 def checked_root(path: Path, *, allow_outside: bool = False) -> Any:
@@ -431,28 +497,35 @@ def checked_root(path: Path, *, allow_outside: bool = False) -> Any:
     pxr = import_usd(path)
     folder = os.path.realpath(path.parent)
     root = _open(pxr, path, path)
-    waiting, passed, size = [root], {root.identifier}, 0
+    waiting, passed, size = [root], {root.identifier: root}, 0
     while waiting:
         layer = waiting.pop()
         shown = Path(layer.realPath or str(path))
         for name in layer.GetCompositionAssetDependencies():
             if "://" in name:
                 problem = f"refused: it names {quote(name)}, and nothing is fetched"
-                raise RefusedFileError(problem, file=shown).with_remedy("save that layer here")
+                error = RefusedFileError(problem, file=shown, line=_reference_line(shown, name))
+                raise error.with_remedy("save that layer here")
             inner = layer.ComputeAbsolutePath(name)
             file = inner.partition("[")[0].partition(":SDF_FORMAT_ARGS:")[0]
             is_inside = os.path.realpath(file).startswith(os.path.join(folder, ""))
             if not is_inside and not allow_outside and os.path.exists(file):
                 problem = f"refused: it names {quote(name)}, outside of the folder of {path.name}"
-                error = RefusedFileError(problem, file=shown)
+                error = RefusedFileError(problem, file=shown, line=_reference_line(shown, name))
                 raise error.with_remedy("move it there, or allow it by --allow-outside")
             if inner in passed or not os.path.exists(file):
                 continue  # composition reports a missing layer
-            passed.add(inner)
             size += os.path.getsize(file)
-            if len(passed) > MAX_LAYERS or size > 4 * MAX_MODEL_BYTES:
+            if len(passed) >= MAX_LAYERS or size > 4 * MAX_MODEL_BYTES:
                 raise RefusedFileError(f"refused: more than {MAX_LAYERS} layers", file=path)
-            waiting.append(_open(pxr, Path(inner), shown))
+            passed[inner] = _open(pxr, Path(inner), shown)
+            waiting.append(passed[inner])
+    sizes = dict[Any, int]()
+    for layer in passed.values():
+        for prim in layer.rootPrims:
+            if _prim_count(passed, layer, prim.path, sizes) > MAX_PRIMS:
+                problem = f"refused: {prim.path} has more than {MAX_PRIMS} prims with references"
+                raise RefusedFileError(problem, file=Path(layer.realPath or str(path)))
     return root
 
 
@@ -468,7 +541,7 @@ def _open(pxr: Any, file: Path, by: Path) -> Any:
     except OSError as error:
         raise LocationError(f"can't be read: {error.strerror or error}", file=file) from None
     except pxr.Tf.ErrorException as error:
-        raise _unreadable(file, str(error)) from None
+        raise _unreadable(file, error) from None
     return layer
 
 

@@ -3,8 +3,6 @@
 This shows how an engine reads defaults, frames, units and shapes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

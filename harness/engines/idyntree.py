@@ -5,8 +5,6 @@ ignore limits, contacts and `<mimic>`. A link without mass on a fixed joint beco
 neighbour, so the base link can differ from the file's root.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
@@ -21,7 +19,7 @@ from physics_crosscheck.harness.engines.installed import (
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE, each_alone
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import load_failure, one_line
 from physics_crosscheck.harness.engines.stepped_here import (
     ADDED_HERE,
     SteppedHere,
@@ -92,7 +90,7 @@ class IdyntreeModel(SteppedHere, UrdfModel):
             done = self._loader.loadModelFromString(self.declared.text, "urdf")
         # After an error iDynTree continues with the rest of the file.
         if not done or any("[ERROR]" in text for text in printed):
-            raise EngineError(f"{spec.path}: iDynTree can't load it: {one_line(' '.join(printed))}")
+            raise load_failure("iDynTree", spec.path, one_line(" ".join(printed)))
         self._model = self._loader.model()
         self._centres = {
             self._model.getLinkName(i): np.array(link.getCenterOfMass().toNumPy())

@@ -2,8 +2,6 @@
 that their libraries write past Python, often the only explanation of a load error.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import importlib.util

@@ -7,8 +7,6 @@ parsers read the first element only. In several top-level `<default>` each class
 earlier ones, so they are written into each element.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -3,8 +3,6 @@
 They include forces on joints: springs, fixed tendons, and actuators at held controls.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Each element of a class overwrites the first numbers of an attribute, as many as
 `friction="1"` keeps the torsional friction of its class.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

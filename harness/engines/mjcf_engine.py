@@ -1,7 +1,5 @@
 """The shared base of adapters whose engines' own parsers read a subset of MJCF."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 

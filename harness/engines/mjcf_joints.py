@@ -1,7 +1,5 @@
 """The joints of an MJCF, with their defaults; unnamed joints get a name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Parts of an MJCF with forces or mass that engines with a subset parser can't represent."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.documents.elements import XmlElement

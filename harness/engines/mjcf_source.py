@@ -1,7 +1,5 @@
 """An MJCF with its includes expanded, and the place of every element."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

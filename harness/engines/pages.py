@@ -4,8 +4,6 @@
 markers and keeps the text around them. A test fails if they are not current.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -88,6 +86,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "default_moments": "Use the format's 1 kg m^2 for a missing `<inertia>`",
     "corrected_inertias": "Let Newton enlarge small moments of inertia",
     "collapse_fixed_joints": "Merge welded links as Newton does, with wrong inertias",
+    "articulations": "Put joints of a USD stage without articulation root into one",
     "massless_links": "Keep the moments of links without mass",
     "joint_friction": "Friction coefficient of every joint",
     "bounded_speeds": "Limit the speeds of links and joints as the engine does",

@@ -1,7 +1,5 @@
 """The built-in adapters, and those that other distributions register."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from functools import lru_cache

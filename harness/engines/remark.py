@@ -1,7 +1,5 @@
 """Remarks: single effects of an engine or a format on a model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

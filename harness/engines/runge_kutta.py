@@ -8,8 +8,6 @@ All states of a batch step together, because for few numbers a call of Python an
 than an engine's accelerations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -10,8 +10,6 @@ sweeps over impulses of the whole step (`computeImplicitDriveParams` with `isTGS
 which converges to drives at the step's end: to 2e-6 with SAPIEN's 10 iterations, to 2e-3 with 4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """An SDFormat file for engines: one model, its links and joints, and remarks about it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType

@@ -2,8 +2,7 @@
 line.
 """
 
-from __future__ import annotations
-
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,9 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
 
-from physics_crosscheck.harness.documents.document import Document
+from physics_crosscheck.harness.documents.document import Document, finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
+from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.usd import UsdStage, stage_of
 from physics_crosscheck.harness.engines.protocol import (
@@ -153,6 +153,63 @@ def check_memory(error: Exception) -> None:
     message = one_line(error)
     if isinstance(error, MemoryError) or any(words in message.lower() for words in _NO_MEMORY):
         raise MemoryError(message) from error
+
+
+Reasons = Iterator[tuple[XmlElement, str]]
+
+
+def _shape_reasons(robot: XmlElement, path: Path, message: str) -> Reasons:
+    """Yield shapes, masses and meshes that are wrong, of the file, link or line in a message."""
+    for link in robot.findall("link"):
+        for part in link.iter(None):
+            if not (link.get("name") in message or f"line {part.place[1]}" in message):
+                continue
+            for key in ("size", "radius", "length", "value"):
+                words = part.get(key)
+                if words and not min(finite_numbers(words) or [0.0]) > 0:
+                    yield part, f"{key} {words!r} of <{part.tag}> is not positive; correct it"
+        for mesh in link.iter("mesh"):
+            name, is_missing = mesh.get("filename"), locate_file(path, mesh.get("filename")) is None
+            if is_missing and (Path(name).name in message or link.get("name") in message):
+                places = "the packages of this file and of ROS_PACKAGE_PATH"
+                there = places if "://" in name else path.parent
+                yield mesh, f"mesh {name!r} does not exist in {there}; add it, or correct the name"
+            elif Path(name).name in message:
+                yield mesh, f"mesh {name!r} can't be read; convert it to binary STL or OBJ"
+
+
+def _joint_reasons(robot: XmlElement, path: Path, message: str) -> Reasons:
+    for joint in robot.findall("joint"):
+        name = repr(joint.get("name"))
+        is_bounded = joint.get("type") in ("revolute", "prismatic")
+        if is_bounded and "limits" in message and joint.find("limit") is None:
+            yield joint, f"joint {name} has no <limit>; add one, or set another type"
+        for part in joint.findall("dynamics"):
+            if "dynamics" in message and not (part.get("damping") or part.get("friction")):
+                yield part, f"<dynamics> of joint {name} states no damping or friction; add one"
+
+
+_REASONS = (
+    (r"limits|dynamics", _joint_reasons),
+    (r"mass|format|size|mesh|file|collision", _shape_reasons),
+)
+"""Patterns of engines' messages about a URDF, and what in the file is looked at then."""
+
+
+def load_failure(
+    title: str,
+    path: Path,
+    message: str,
+    kind: type[EngineError] = EngineError,
+    line: int | None = None,
+) -> EngineError:
+    """Return an error with an engine's message; for a URDF with the reason and line, if clear."""
+    text = f"{title} can't load it: {message}"
+    for pattern, check in _REASONS if path.suffix == ".urdf" else ():
+        if re.search(pattern, message):
+            for element, reason in check(read_document(path).root, path, message):
+                return kind(f"{reason} ({text})", file=element.place[0], line=element.place[1])
+    return kind(text, file=path, line=line)
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """Trees whose engine has no integrator: the adapter applies Runge-Kutta 4 to its accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 

@@ -2,8 +2,6 @@
 and dampers that an adapter adds, and mimic joints that it constrains through the mass matrix.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

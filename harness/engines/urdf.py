@@ -6,8 +6,6 @@ as 1. MuJoCo accepts two root links, and treats a duplicate joint name as no nam
 different elements, such as `<axis>`, MuJoCo refuses the second, and all others take the first.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ PyBullet's `UrdfParser::parseLink` warns about it on stderr only. In DART it is 
 world.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path

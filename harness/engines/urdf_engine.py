@@ -1,7 +1,5 @@
 """The shared base of adapters that read URDFs and have one state at a time."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A URDF with its sidecar's additions, for engines that read the whole file."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Choice of the executor: this machine or a cluster."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

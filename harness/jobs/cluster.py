@@ -6,8 +6,6 @@ that does not know the run reports this, gets the run, and the task is sent agai
 to another worker if its worker is lost.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -10,8 +10,6 @@ more each time: 24 GB for the 1299 models of one count, of which 0.4 GB are used
 size, it reserves 0.4 GB.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -3,8 +3,6 @@
 `harness.jobs.chosen` starts the requested one; plans of jobs do not depend on the choice.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Failures of tasks, and the lines of user files that were running."""
 
-from __future__ import annotations
-
 import re
 import sys
 import sysconfig

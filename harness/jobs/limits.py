@@ -1,7 +1,5 @@
 """Limits of a task's time and memory."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 SECONDS = 120.0

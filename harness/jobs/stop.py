@@ -1,7 +1,5 @@
 """Requests to stop: Ctrl-C, or a signal that terminates programs."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -6,8 +6,6 @@ queues between processes. A worker has a pipe, which delivers a value or the end
 no death leaves a lock behind, not even one with exit code 0.
 """
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

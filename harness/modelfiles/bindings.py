@@ -5,8 +5,6 @@ mutation (copies of a model with other literals), and corrections in place. A co
 user's files in the digits of the literals only.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import os

@@ -1,7 +1,5 @@
 """The bodies of a file as a tree; joints without inertia are fixed if that makes it valid."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The selection of cases to run: by names on the command line, by words, or by earlier failures."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ Such a folder always runs again, and so does one whose code queries times or lin
 Python can't observe the environment, or files that a C library opens itself.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

@@ -4,8 +4,6 @@ Limits on the text's length, the nesting and the size of powers apply before eva
 expression blocks a worker.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

@@ -1,7 +1,5 @@
 """Locations of system folders: those that the user names, or the built-in ones."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -11,8 +11,6 @@ site, m, and `axes` are that body's x, y and z in the frame's axes; by default t
 the world.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks before a derivation: inertias that no body can have, and joints that move no inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal
 

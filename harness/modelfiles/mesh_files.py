@@ -1,7 +1,5 @@
 """Files of meshes, and the triangles in them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The model files of a system folder, each with its sidecar."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence

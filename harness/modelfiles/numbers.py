@@ -3,8 +3,6 @@
 Numbers are read as tolerantly as the file itself: commas may separate them.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from abc import ABC, abstractmethod

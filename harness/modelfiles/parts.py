@@ -1,7 +1,5 @@
 """The files that a model file names, directly and indirectly."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

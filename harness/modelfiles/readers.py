@@ -1,7 +1,5 @@
 """A robot's file, read by its suffix: its tree and its numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -110,7 +108,8 @@ def summary(robot: Robot) -> str:
     held = any(one.name in shaped for one in heavy)
     root = ", root free" if robot.floats else ", root held" if held else ""
     root = root if robot.file.suffix == ".urdf" else ""
-    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}{root}"
+    selection = f", {robot.selection}" if robot.selection else ""
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass}{root}{selection}"
 
 
 FOLLOWERS = "joints that follow others"

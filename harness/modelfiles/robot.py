@@ -1,7 +1,5 @@
 """A robot from its file: a tree of bodies, and the parts of the file that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +17,8 @@ from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 HELD = "joints that move nothing with inertia (held still)"
 
 LOCKED = "joints that their damping or spring locks (held still)"
+
+CLOSING = "joint that closes a loop"
 
 FREE_MIMIC = "mimic without a gear: the joint is free"
 
@@ -127,6 +127,7 @@ class Robot:
         floats: whether the root link moves freely, which a URDF does not state.
         stated: settings that the file states itself, as in `ModelSpec`.
         repeated: elements without effect, since an earlier one of their tag counts.
+        selection: selected variants of the file, in words.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Robot:
     floats: bool = False
     stated: Mapping[str, object] = field(default_factory=dict)
     repeated: tuple[ReadError, ...] = ()
+    selection: str = ""
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

@@ -1,7 +1,5 @@
 """Robot files among the names of a command line, and below a folder."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

@@ -6,8 +6,6 @@ State that an engine keeps between steps, such as the initial layer of a soft eq
 differ between steps. That difference is part of the uncertainty.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ file's own time step matches the prediction of the other runs. Only resolved par
 Where a chaotic motion amplifies every difference, the runs do not test the model.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

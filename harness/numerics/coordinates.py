@@ -4,8 +4,6 @@ z = Z(q) and q = R(z) are declared. Velocities use their Jacobians. Generalized 
 transpose (virtual work): dR/dz^T Q acts on z as Q acts on q. z - Z(R(z)) is the constraint drift.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

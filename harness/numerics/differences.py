@@ -1,7 +1,5 @@
 """Derivatives of ends by starts and inputs: extrapolated central differences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

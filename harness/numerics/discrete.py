@@ -7,8 +7,6 @@ The spectral radius is the largest growth of a state per step. If it exceeds 1 a
 motion decays, the step destabilizes the equilibrium.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel

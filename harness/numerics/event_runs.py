@@ -4,8 +4,6 @@ An event falls at another phase of a step at every step size, so errors scatter 
 less. All runs together show whether they fall, and the largest of them gives the steps.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

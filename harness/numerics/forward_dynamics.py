@@ -10,8 +10,6 @@ The rounding of a solution a of M a = f is bounded by |M^-1| (|M| |a| + |f|) las
 share (`harness.numerics.rounding`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -6,8 +6,6 @@ judged by its own uncertainty, so that an unresolved segment does not hide a res
 measurable error below the resolution agrees, but is reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum

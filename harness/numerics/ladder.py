@@ -5,8 +5,6 @@ h (Hairer, Norsett and Wanner, Solving ODEs I, II.8-II.9; Deuflhard 1985, SIAM R
 limit is a weighted sum of the rungs with exact weights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -5,8 +5,6 @@ extrapolated segments, perturbed in each state and input, give the transition ma
 segment. Its logarithm gives A and B.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Residual of the coordinate map at the ends of segments, as h -> 0."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

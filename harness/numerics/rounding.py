@@ -18,8 +18,6 @@ Source: Hamming's difference table; More and Wild 2011, Estimating Computational
 Comput. 33(3), with second differences alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

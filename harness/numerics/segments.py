@@ -5,8 +5,6 @@ another and takes the limit, of ends for `extrapolate`, and of velocity changes 
 `harness.numerics.accelerations`. It observes the rounding on every rung.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Error of the file's own time step, and steps for given errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

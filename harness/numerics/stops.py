@@ -1,7 +1,5 @@
 """Detection of active joint limits, at which an engine is not smooth."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel

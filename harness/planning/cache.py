@@ -6,8 +6,6 @@ also holds the states of all files that the folder's code read or looked for; th
 unchanged. No entry is executed. A malformed file is ignored, and each file is written atomically.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import importlib.metadata
@@ -24,6 +22,7 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
+from physics_crosscheck.harness.documents.usd import OUTSIDE, VARIANTS
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
 from physics_crosscheck.harness.modelfiles.code_reads import (
@@ -209,6 +208,7 @@ def _environment() -> str:
         *(f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES),
         *(f"{name} {version}" for name, version in versions().items() if version is not None),
         *map(_source, SOURCES),
+        *(os.environ.get(name, "") for name in (VARIANTS, OUTSIDE)),
     ]
     return digest_of(msgspec.json.encode(version_list))
 

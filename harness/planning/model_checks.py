@@ -4,8 +4,6 @@ A worker calls the function of a check with a `ModelTask`. Functions are named b
 that planning imports no equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

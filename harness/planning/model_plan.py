@@ -1,7 +1,5 @@
 """Plan of a model file in an engine: its record, and its jobs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Options of a run: cases, engines, resolution, limits, and results beside the verdicts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral, Real

@@ -1,7 +1,5 @@
 """Jobs of a run: each target yields the jobs of its models in their engines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path

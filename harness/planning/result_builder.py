@@ -1,7 +1,5 @@
 """Combined results of a run's jobs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 

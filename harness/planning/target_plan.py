@@ -3,8 +3,6 @@
 A folder or a file is prepared before its cases run, and not at all if all its results are known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Functions that planning names and workers call."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name

@@ -1,7 +1,5 @@
 """The base of all records: a frozen struct with named fields that rejects unknown fields."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence, Sized
 from typing import Annotated

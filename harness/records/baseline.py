@@ -1,7 +1,5 @@
 """Accepted results, present measurements of cases, and results of a gate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

@@ -1,7 +1,5 @@
 """One model file in one engine in one scenario: its outcome and cost."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal
 

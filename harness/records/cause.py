@@ -1,7 +1,5 @@
 """A cause of a discrepancy: the kind of the wrong number, its subject, and its name in words."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal
 

@@ -7,8 +7,6 @@ XC6xx a run that failed. A record's code follows from its kind, by this table.
 The site has a page for each code (`results.messages`).
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Comparison of two models, without equations."""
 
-from __future__ import annotations
-
 import msgspec
 
 from .base import Number, Numbers, Record, SourceLine
@@ -9,6 +7,7 @@ from .case import Case, CaseKind
 from .codes import comparison_code
 from .finding import Diagnosis
 from .outcome import Outcome
+from .scene import Scene
 
 
 class ComparedModel(Record, frozen=True, kw_only=True):
@@ -191,7 +190,10 @@ class Compared(Record, frozen=True, kw_only=True):
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
         decisive: The difference that decides, if the motions agree; None if they decide.
-        rounding: Largest relative difference if all are rounding to six digits; None otherwise.
+        rounding: Largest relative difference if all are rounding to six digits, or to those of a
+            format; None otherwise.
+        scenes: Both models at equal positions of their paired joints, A first; empty unless
+            requested.
     """
 
     discrepancy: Number
@@ -219,6 +221,7 @@ class Compared(Record, frozen=True, kw_only=True):
     laws: tuple[ComparedProperty, ...] | None = None
     decisive: ComparedProperty | None = None
     rounding: Number = None
+    scenes: tuple[Scene, ...] = ()
 
 
 class ComparisonResult(Record, frozen=True, kw_only=True):

@@ -1,7 +1,5 @@
 """Coverage of a verdict: the numbers of a model file that it tests, and the others."""
 
-from __future__ import annotations
-
 from .base import Count, Record
 
 

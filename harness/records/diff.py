@@ -1,7 +1,5 @@
 """Difference between two results: accepted and present, or two versions of an engine."""
 
-from __future__ import annotations
-
 import math
 from enum import StrEnum
 from typing import Literal, get_args

@@ -29,11 +29,18 @@ reads, or that is misspelled; and what an engine or a format ignores, adds or as
 (`physics_crosscheck.harness.engines.remark`).
 """
 
+UsdKind = Literal[
+    "articulation root", "unset mass", "clashing values", "quaternion", "joint frames", "gain unit",
+    "scaled body", "unread effort", "unset friction",
+]  # fmt: skip
+"""Subject of advice about what engines read in different ways in a USD stage."""
+
 PlausibilityKind = Literal[
     "mesh unit", "equal inertias", "moving without inertia", "inertia too large", "center outside",
     "density", "inertia too small", "swapped axes", "left and right", "weak drive",
     "damping ratio", "rest outside limits", "negative limit", "repeated element",
     "implausible limit", "one density", "default density", "odd moment", "loop gap", "overlap",
+    UsdKind,
 ]  # fmt: skip
 """Subject of advice about a number that real robots do not have; the most certain kind first."""
 

@@ -1,7 +1,5 @@
 """Lock a file or a folder against other programs."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterator

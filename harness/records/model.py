@@ -1,7 +1,5 @@
 """One model file in one engine: as it was run, its linearizations, audit and diagnosis."""
 
-from __future__ import annotations
-
 from .base import Number, Numbers, Record, Rows, one_length
 from .case import ModelId, ModelKey
 from .coverage import Coverage

@@ -1,7 +1,5 @@
 """Deliberate faults in models, and the result of each."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 from .base import Number, Record

@@ -1,7 +1,5 @@
 """Outcome of a case."""
 
-from __future__ import annotations
-
 import math
 from enum import StrEnum
 from typing import Any

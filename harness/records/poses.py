@@ -1,7 +1,5 @@
 """Poses of a model's bodies, compared with those of the equations."""
 
-from __future__ import annotations
-
 from .base import Count, Number, Record
 
 

@@ -1,7 +1,5 @@
 """Read records from JSON strictly: any invalid input is rejected with a one-sentence error."""
 
-from __future__ import annotations
-
 import errno
 import json
 import stat

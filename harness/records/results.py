@@ -1,7 +1,5 @@
 """Results of a run: the only input of the report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """A mechanism of bodies as the report draws it: joints, bodies with shapes, and states."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from .base import Count, Number, Numbers, Record, Rows, one_length

@@ -4,8 +4,6 @@ A page has a section per struct and a row per field, from docstrings. The site h
 (`interfaces.cli.reference`).
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """Findings without motion."""
 
-from __future__ import annotations
-
 from .base import Number, Record
 from .finding import AuditFinding
 from .poses import Poses

@@ -1,7 +1,5 @@
 """A sweep: the result of each case, and the plan."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import msgspec

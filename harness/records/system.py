@@ -1,7 +1,5 @@
 """A system as the report shows it: its declaration, and everything derived from it."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 from .base import Count, Number, Numbers, Record, Rows

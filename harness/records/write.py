@@ -1,7 +1,5 @@
 """Write records as JSON, and files whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Diagnosed causes as sentences, the same in the terminal, the report and pytest."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.records.base import Number

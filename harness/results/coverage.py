@@ -1,7 +1,5 @@
 """Coverage of a model and its verdict on one line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from physics_crosscheck.harness.records.coverage import Coverage, Untested

@@ -1,7 +1,5 @@
 """Failure messages of pytest and the function API, and audit findings as lines."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
@@ -19,7 +17,7 @@ from .causes import cause_sentences
 from .github import on_github, plain_line
 from .messages import with_code
 from .places import shown_path
-from .status import Decision
+from .status import Decision, listed
 from .visible import visible_lines
 
 
@@ -78,12 +76,16 @@ def _coded(finding: AuditFinding) -> str:
 
 
 def acting_lines(quantities: Iterable[ActingQuantity]) -> list[str]:
-    """Return one line per subject: what its numbers act as, with units and rules."""
+    """Return one line per subject, or equal ones: what its numbers act as, with units and rules."""
     alike: dict[str, list[str]] = {}
     for row in quantities:
         text = f"{row.quantity} {_digits(row, 4)}"
         alike.setdefault(row.subject, []).append(text + (f" ({row.rule})" if row.rule else ""))
-    return [f"{'acts as':<8} {subject}: {', '.join(rows)}" for subject, rows in alike.items()]
+    equal: dict[tuple[str, str], list[str]] = {}
+    for subject, rows in alike.items():
+        head, between, name = subject.partition(" of ")
+        equal.setdefault((head + between, ", ".join(rows)), []).append(name)
+    return [f"{'acts as':<8} {head}{listed(n, 6)}: {text}" for (head, text), n in equal.items()]
 
 
 def acting_texts(quantities: Iterable[ActingQuantity]) -> Iterator[tuple[str, str]]:

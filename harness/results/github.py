@@ -3,8 +3,6 @@
 Workflow commands: https://docs.github.com/actions/reference/workflow-commands-for-github-actions
 """
 
-from __future__ import annotations
-
 import io
 import os
 import sys

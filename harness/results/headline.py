@@ -1,7 +1,5 @@
 """The first sentences of a result: robot, engine, fault and effect, before any count."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from physics_crosscheck.harness.engines.registry import engines
@@ -13,6 +11,7 @@ from physics_crosscheck.harness.records.poses import Poses
 from physics_crosscheck.harness.records.results import Results
 from .causes import brief_cause
 from .issues import Issue, collect_issues, explained_alike
+from .messages import find_code
 from .next_steps import massless_links
 from .status import counted, listed, percent
 
@@ -44,6 +43,19 @@ def headline(results: Results) -> list[str]:
         sentences = _faults(results, issues, several=True)
         sentences = [*_of_files(results, issues, 0 if sentences else len(files)), *sentences]
     return [one if one.endswith("?") else f"{one}." for one in sentences]
+
+
+def doubtful_number(results: Results) -> str:
+    """Return the first implausible number of the only file that has some, with its line; or ""."""
+    files = {(one.folder, one.model): one.advice for one in results.models if one.advice}
+    if len(files) != 1:
+        return ""
+    ((_, name), (first, *others)) = next(iter(files.items()))
+    code = find_code(first.code)
+    title = "An implausible number" if code is None else code.title.removesuffix(".")
+    line = None if first.location is None else first.location.line
+    more = f"; {counted(len(others), 'more implausible number')}" if others else ""
+    return f"{name}{f':{line}' if line else ''}: {title[0].lower()}{title[1:]}{more}."
 
 
 def _file(case: Case | Model) -> str:

@@ -1,7 +1,5 @@
 """Findings that a project ignores: by `--select`, `--ignore`, or a comment in a model file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -35,6 +33,7 @@ class CodeFilter:
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
     ignored: set[tuple[str, ...]] = field(default_factory=set, init=False)
+    _rows: dict[str, list[bytes]] = field(default_factory=dict, init=False)
 
     def reported(self, findings: Sequence[AuditFinding], folder: str = "") -> list[AuditFinding]:
         """Return the findings that are not ignored, and count the others; notes always stay.
@@ -89,17 +88,19 @@ class CodeFilter:
             return False
         if not code.startswith(self.select or ("",)) or code.startswith(self.ignore or ("-",)):
             return True
-        return bool(lines) and all(code in _ignored_at(one, folder) for one in lines)
+        return bool(lines) and all(code in self._ignored_at(one, folder) for one in lines)
 
-
-def _ignored_at(where: SourceLine, folder: str) -> list[str]:
-    """Return the codes that comments on a line, or on the line above, ignore."""
-    place = shown_line(folder, where) if folder else where
-    if place.line is None:
-        return []
-    try:
-        rows = read_regular(Path(place.file)).splitlines()
-    except OSError:
-        return []
-    comments = _COMMENT.findall(b"\n".join(rows[max(place.line - 2, 0) : place.line]))
-    return re.findall(r"XC\d+", b" ".join(comments).decode())
+    def _ignored_at(self, where: SourceLine, folder: str) -> list[str]:
+        """Return the codes that comments on a line, or on the line above, ignore."""
+        place = shown_line(folder, where) if folder else where
+        if place.line is None:
+            return []
+        if place.file not in self._rows:
+            try:
+                text = read_regular(Path(place.file))
+            except OSError:
+                text = b""
+            self._rows[place.file] = text.splitlines()
+        rows = self._rows[place.file][max(place.line - 2, 0) : place.line]
+        comments = _COMMENT.findall(b"\n".join(rows))
+        return re.findall(r"XC\d+", b" ".join(comments).decode())

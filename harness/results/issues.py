@@ -1,7 +1,5 @@
 """Issues of a run: each problem once, with all cases that it affects."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,7 @@
 """Pages of the message codes: for a terminal, and as Markdown for the site."""
 
-from __future__ import annotations
-
 import difflib
+import re
 import textwrap
 from collections.abc import Iterable, Iterator
 
@@ -23,12 +22,20 @@ def find_code(word: str) -> Code | None:
 
 
 def search_codes(words: Iterable[str]) -> list[Code]:
-    """Return the messages whose code, name or texts contain all the words, in any case."""
-    result = list(codes().values())
-    for word in map(str.casefold, words):
-        texts = (f"{x.code} {x.name} {x.title} {x.cause} {x.remedy}".casefold() for x in result)
-        result = [code for code, text in zip(result, texts, strict=True) if word in text]
-    return result
+    """Return all messages with all words, then others with most of them, ten at least.
+
+    A word counts where it begins a word of the texts; one in the title ranks before the others.
+    """
+    starts = [re.compile(rf"\b{re.escape(word)}", re.IGNORECASE) for word in words]
+
+    def matches(code: Code) -> tuple[int, ...]:
+        title = f"{code.code} {code.name} {code.title}"
+        texts = f"{title} {code.cause} {code.remedy}", title
+        return tuple(sum(bool(start.search(text)) for start in starts) for text in texts)
+
+    ranked = sorted(codes().values(), key=matches, reverse=True)
+    counts = [matches(code)[0] for code in ranked]
+    return ranked[: max(counts.count(len(starts)), min(len(counts) - counts.count(0), 10))]
 
 
 def with_code(code: str, text: str) -> str:

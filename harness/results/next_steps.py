@@ -1,7 +1,5 @@
 """Proposed changes of files, and the command that checks them."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Paths of files relative to the working folder."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterable

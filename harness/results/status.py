@@ -1,7 +1,5 @@
 """Status of a test of a case or an audit, and number formats of all texts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum

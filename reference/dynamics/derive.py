@@ -7,8 +7,6 @@ Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section
 operation adds its own rounding to the errors of its operands, weighted by its partial derivatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

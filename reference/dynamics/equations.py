@@ -1,7 +1,5 @@
 """The numeric interface of equations of motion, for solvers."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Protocol

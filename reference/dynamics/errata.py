@@ -5,8 +5,6 @@ An equation *agrees*, *agrees up to signs* that the transcript leaves open, or *
 choice of signs.
 """
 
-from __future__ import annotations
-
 import ast
 import itertools
 import math

@@ -11,8 +11,6 @@ the rotating faces. The second terms are the resistance of a sphere of diameter 
 second derivative of the forces jumps where a velocity changes sign; the first is continuous.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache

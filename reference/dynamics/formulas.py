@@ -4,8 +4,6 @@ They come from the same recursion as the numeric equations, over polynomials wit
 1 - cos^2. Their size is thus known before they are printed, without open-ended simplification.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -3,8 +3,6 @@
 See the source's Eq. 3.1 (Taylor series of order n about a point) and Eq. 3.2 (first order).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

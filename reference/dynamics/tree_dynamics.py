@@ -1,7 +1,5 @@
 """Forces on a tree of bodies, and its accelerations and energies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ One row of a constraint with inverse inertia A gives the acceleration (1 - s) a0
 / (A + R): a spring and a damper. Source: MuJoCo's documentation, Computation, Solver parameters.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

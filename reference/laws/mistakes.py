@@ -6,8 +6,6 @@ Only the rows and drives whose numbers differ are evaluated again, at the soluti
 laws: the change of the gradient there, times the inverse of the Hessian, is the effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -60,8 +58,7 @@ _MIXING = {
 }
 
 _SLIDING = (
-    "a wrong dJ/dt v of an equality, in which a ball joint moves with the slides after it in its "
-    "body,"
+    "a wrong dJ/dt v of an equality that moves with a ball joint and slides after it in its body"
 )
 
 _UNITS = (

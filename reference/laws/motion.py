@@ -7,8 +7,6 @@ where the needed impulse is inside the cone (Pfeiffer and Glocker 1996, chapter 
 Segments are laid by the events: each is free of events, or has one in its middle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product

@@ -18,8 +18,6 @@ model; Drake 1.51, sap_driver.cc, sap_limit_constraint.cc, sap_hunt_crossley_con
 discrete_update_manager.cc and sap_model.cc; DART 6.20, JointCoulombFrictionConstraint.cpp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

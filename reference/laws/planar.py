@@ -6,8 +6,6 @@ corrected by velocities of their own, which act on the next positions only. Sour
 cpSpaceStep.c, cpArbiter.c, and the file of each joint.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Assemble bodies into a tree: welded bodies merge, several joints of a body become a chain."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -7,8 +7,6 @@ Generalized forces here are not conjugate to these coordinates. They are the for
 hold constant: a moment about the link's axes, and a force along the joint's axes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ This module defines the parts of a declaration, and `Declaration`, which holds t
 `mechanism.system.System` is a checked declaration. There are no hidden defaults.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field

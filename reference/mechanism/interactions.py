@@ -4,8 +4,6 @@ A system folder declares them beside its energies. Gaps and slips are expression
 coordinates, as energies are. `reference.laws.modes` derives the equations of each mode.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from typing import TypeAlias

@@ -3,8 +3,6 @@
 `reference.laws.planar` states how they act. Bodies and shapes are indices; vectors are (x, y), m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

@@ -3,8 +3,6 @@
 Complex values are rejected everywhere: silently using a real part would change the model.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real

@@ -4,8 +4,6 @@ A sketch is optional and only for display. Lengths are in metres, x to the right
 are in radians, counterclockwise from x.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 

@@ -4,8 +4,6 @@ Missing, unknown, dimensionally inconsistent or non-differentiable entries are r
 sentence that names them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Checks of a declared system: completeness, consistency, dimensions, differentiability."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from dataclasses import fields, is_dataclass
 from typing import TypeVar

@@ -4,8 +4,6 @@ It has eight stages and order 16 (Hairer, Norsett, Wanner, Solving ODEs I, II.7)
 not import scipy, whose import takes half a second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ Gauss collocation (`solving.collocation`) integrates all segments at once. scipy
 or heyoka's Taylor series if heyoka is installed.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """Validity of the linear equations: their error against the nonlinear ones, over amplitude."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ start anywhere within the joint limits, each under its own constant forces. The 
 many random states are used (`reference.solving.excitation`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

@@ -4,8 +4,6 @@ If a linear equation generates the inputs, the generator's state is appended to 
 Loan 1978). A segment is then one product with exp(A H).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ All parameters enter one numeric function, so that segments with many perturbed 
 integrated at once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_fi
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.records.finding import PlausibilityKind
+from physics_crosscheck.harness.records.finding import PlausibilityKind, UsdKind
 from physics_crosscheck.records import AuditFinding, Outcome
 from tests.commands import crosscheck
 
@@ -72,9 +72,9 @@ STRONG, WEAK, KNEE = (
     f'lower="{lower}" upper="1" effort="{effort}" velocity="1"'
     for lower, effort in ((-1, 1000), (-1, 0.5), (0.2, 100))
 )
-DEGREES, FAST, UPSIDE = (
+DEGREES, FAST, UPSIDE, LONG = (
     f'lower="{lower}" upper="{upper}" effort="100" velocity="{speed}"'
-    for lower, upper, speed in ((0, 120, 1), (-1, 1, 150), (1, -1, 1))
+    for lower, upper, speed in ((0, 120, 1), (-1, 1, 150), (1, -1, 1), (0, 90000, 1))
 )
 BRICK = '<geometry><box size="0.3 0.2 0.1"/></geometry>'
 WATER = link("{}", 4.0, (0.0567, 0.0567, 0.00667))
@@ -116,6 +116,8 @@ ARMS = joint("left_arm") + link("right_arm") + joint("right_arm")
      0.5, 2.0 * 9.81 * 0.04, ("a_joint",), ""),
     (link("a") + joint("a", DEGREES), "implausible limit", 120, 2.094, ("a_joint", "range"), ""),
     (link("a") + joint("a", FAST), "implausible limit", 150, 2.618, ("a_joint", "velocity"), ""),
+    (link("a") + joint("a", LONG).replace("revolute", "prismatic"), "implausible limit",
+     90000, 90, ("a_joint", "range"), ""),
     (link("a") + joint("a", UPSIDE), "implausible limit", 1, -1, ("a_joint", "range"), ""),
     (link("a", 2.0, (0.021667, 0.016667, 0.008333), shape=BRICK) + joint("a"), "swapped axes",
      0.00833, 0.02167, ("a",), "rotation"),
@@ -395,7 +397,7 @@ def test_no_advice_fails_a_case(tmp_path: Path) -> None:
     other = CHAIN.format(**FINE | {"height": 0.05, "tip": "0 0 0.2", "sole": SOLE})
     kinds |= {one.kind for one in advice(tmp_path, other, suffix=".xml")}
     absent = {"one density"} | (set() if find_spec("trimesh") else {"mesh unit"})
-    assert kinds == {*get_args(PlausibilityKind)} - absent
+    assert kinds == {*get_args(PlausibilityKind)} - absent - {*get_args(UsdKind)}
     for file, engine in (("robot.urdf", "pybullet"), ("robot.xml", "mujoco")):
         done = crosscheck("run", file, "--engine", engine, "--smooth", cwd=tmp_path)
         assert (done.returncode, "(advice, " in done.stdout) == (0, True), done.stdout

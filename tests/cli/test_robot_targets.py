@@ -38,6 +38,15 @@ def test_fix_writes_the_stated_number_and_prints_the_change(faulty: Path, tmp_pa
     assert [line[0] for line in done.stdout.splitlines()] == ["-", "+", "@", "-", "+"]
 
 
+@pytest.mark.parametrize("text", ["<!-- <a> --><mujco><worldbody/></mujco>", "<Mojuco/>", ""])
+def test_audit_does_not_skip_a_misspelled_model(text: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(text)
+    listed = crosscheck("audit", "arm.xml", cwd=tmp_path)
+    assert listed.returncode != 0
+    assert "arm.xml" in listed.stdout + listed.stderr
+    assert "skipped" not in listed.stderr
+
+
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """Create a working folder with two robots in `robots`."""

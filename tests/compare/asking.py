@@ -46,6 +46,7 @@ def compared(
     include_constraints: bool = False,
     floating: bool | None = None,
     own_files: bool = False,
+    pictured: bool = False,
 ) -> ComparisonResult:
     """Compare two files as the command does; `own_files`: each engine with its own file too."""
     model_a, model_b = candidates((Path(a), Path(b)), (engine_a, engine_b), floating=floating)
@@ -56,6 +57,7 @@ def compared(
         resolution=resolution,
         starts=starts,
         include_constraints=include_constraints,
+        pictured=pictured,
     )
     with pytest.MonkeyPatch.context() as patch:
         if not own_files:

@@ -17,6 +17,7 @@ from tests.compare.arm import MJCF
 from tests.compare.asking import changed, compared, laws, model, result
 from tests.compare.test_acting import SOFT, URDF
 from tests.models import written
+from tests.report.page import Page
 from tests.robots.files import LAMP
 
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,10 @@ def test_difference_exits_1_and_is_printed_and_recorded(tmp_path: Path) -> None:
     assert str(comparison.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
     assert comparison.runs.count > comparison.runs.driven > 0
     assert [one.case for one in record.models] == [None, None]  # sidecars add to the files
+    assert "Report: reports/compare.html" in done.stdout
+    lines = Page((tmp_path / "reports" / "compare.html").read_text()).lines("overview")
+    assert lines[1] == f"{a} {address}: 0.024, {b}: 0.024012 (100 % of the difference)"
+    assert any(row.startswith("| principal moments of inertia of link rod") for row in lines), lines
 
 
 def test_engine_that_alters_its_file_is_named_with_the_line(tmp_path: Path) -> None:
@@ -129,6 +134,26 @@ def test_range_that_no_run_reaches_differs_by_its_law(tmp_path: Path) -> None:
     assert "motions without such forces are alike" in done.stdout
     assert "joint limits" not in done.stdout
     assert "not compared: limits" not in done.stdout
+
+
+def test_brief_table_comes_first_and_minor_differences_last(tmp_path: Path) -> None:
+    changes = [('mass="0.35"', 'mass="0.36"'), ('damping="0.07"', 'damping="0.08"'),
+               ("0.041", "0.04100008"), ("0.039", "0.03900008")]  # fmt: skip
+    friction = ('name="elbow"', 'name="elbow" frictionloss="0.2"')
+    for name, edits in (("a.xml", [friction]), ("b.xml", changes)):
+        written(tmp_path, name, MJCF, *edits)
+    text = io.StringIO()
+    comparison = compared(tmp_path / "a.xml", tmp_path / "b.xml")
+    console = Console(file=text, width=80, highlight=False, emoji=False)
+    print_comparison(console, comparison, details=False)
+    top = "\n".join(text.getvalue().splitlines()[:8])
+    words = (
+        r"A:\d+, B:\d+  link hand: mass",
+        r"damping of joint shoulder",
+        r"friction\w* of joint",
+    )
+    assert all(re.search(word, top) for word in words), top
+    assert re.search(r"minor differences? .*\nFix: ", text.getvalue()), text.getvalue()
 
 
 def test_similar_differences_and_rounding_take_one_line_each(tmp_path: Path) -> None:

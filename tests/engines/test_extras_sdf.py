@@ -11,6 +11,7 @@ import pytest
 from physics_crosscheck.command import AGREE, DIFFER
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import judge
+from physics_crosscheck.harness.checks.findings import robot_findings
 from physics_crosscheck.harness.checks.prepare import prepare_system, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
@@ -19,6 +20,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.modelfiles.locations import find
 from physics_crosscheck.harness.modelfiles.model_files import model_files
+from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.records import Cause, Outcome
 from tests.engines.extras import H, need
@@ -111,6 +113,16 @@ def test_number_that_dart_misreads_is_named(sdf: str, cause: str, tmp_path: Path
     explanations = diagnose_robot(task, is_reference=True).explanations
     causes = {str(one) for each in explanations for one in each.causes}
     assert any(cause in one for one in causes), causes
+
+
+def test_joint_that_closes_a_loop_is_a_fault_in_dart(tmp_path: Path) -> None:
+    need("dart")
+    tree = written(tmp_path, "tree.sdf", BALLS)
+    again = BALLS[BALLS.index('<joint name="k"') :].replace('"k"', '"z"')
+    loop = written(tmp_path, "loop.sdf", BALLS.replace("</model></sdf>", again))
+    faults = [one.message for one in robot_findings(read_robot(loop)) if one.severity == "finding"]
+    assert faults == ["DART leaves out joint z, which closes a loop"]
+    assert cli.main(["compare", str(loop), str(tree), "--engine", "dart"]) == DIFFER
 
 
 DYNAMICS = (

@@ -124,6 +124,29 @@ def test_mujoco_rejects_syntax_that_pybullet_reads(text: str, reason: str, tmp_p
         loaded("mujoco", text.encode(), path)
 
 
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="9"/>'
+DYNAMICS = '<dynamics damping="0.1"/>'
+
+
+@pytest.mark.parametrize(("engine", "old", "new", "reason"), [
+    ("pybullet", LIMIT, "", "joint 'j' has no <limit>; add one"),
+    ("pinocchio", DYNAMICS, "<dynamics dampin='1'/>", "<dynamics> of joint 'j' states no damping"),
+    ("mujoco", "FORM", '<mesh filename="no.stl"/>', "mesh 'no.stl' does not exist in"),
+    ("pybullet", "FORM", '<mesh filename="no.stl"/>', "mesh 'no.stl' does not exist in"),
+    ("mujoco", "FORM", '<mesh filename="bad.stl"/>', "mesh 'bad.stl' can't be read; convert it"),
+    ("mujoco", "FORM", '<sphere radius="1m"/>', "radius '1m' of <sphere> is not positive"),
+])  # fmt: skip
+def test_refusal_begins_with_a_reason_and_a_line(
+    engine: str, old: str, new: str, reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.stl").write_text("no mesh")
+    form = new if old == "FORM" else '<sphere radius="1"/>'
+    shape = f"{BODY}<collision><geometry>{form}</geometry></collision>"
+    text = GOOD.replace(BODY, shape).replace(old, new)
+    with pytest.raises(EngineError, match=rf"robot.urdf:\d+: {reason}.* \(.* can't load it: "):
+        loaded(engine, text.encode(), tmp_path / "robot.urdf")
+
+
 @pytest.mark.parametrize("words", ["0.5,0,0", "0.5 ,0 ,0", "0.5, 0, 0,"])
 def test_commas_that_an_engine_reads_as_zeros_are_rejected(words: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"

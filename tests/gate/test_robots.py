@@ -29,6 +29,7 @@ from physics_crosscheck.harness.run import Options, run
 from physics_crosscheck.records import Results
 from tests.gate.conftest import ignore_progress
 from tests.models import edited
+from tests.report.page import Page
 
 ROOT = Path(__file__).parents[2]
 ARM = """\
@@ -198,6 +199,11 @@ def test_changed_number_is_named_by_file_and_line_first(
     ]
     (diff,) = record["files"]
     assert [one["line"] for one in diff["changes"]] == [11]
+    page = Page(Path("reports/gate/gate.html").read_text())
+    lines = page.lines("overview")
+    assert headline == f"FAIL  {lines[1]}"
+    assert lines.count("robots/arm.urdf:11 mass of link boom 1.3 -> 1.35") == 1
+    assert any(id_.startswith("case-") and "arm.urdf/mujoco" in id_ for id_ in page.ids())
 
 
 def test_annotations_and_the_summary_name_the_changed_line(robots: Robots) -> None:

@@ -11,12 +11,15 @@ from physics_crosscheck.harness.checks.scene import body_lines, errors_record, s
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.numerics.stepping import StepDefects
 from physics_crosscheck.harness.render.html import write_report
+from physics_crosscheck.harness.render.html.comparison import write_comparison
 from physics_crosscheck.harness.render.html.scenes import three_code
 from physics_crosscheck.records import CauseId, Diagnosis, Outcome, Results, SourceLine
 from physics_crosscheck.reference.dynamics.tree_equations import TreeFrames
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
+from tests.compare.arm import MJCF
+from tests.compare.asking import changed, compared
 from tests.models import written
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import changed_model, explanation, located, results
@@ -362,3 +365,24 @@ def test_differences_below_their_uncertainty_are_not_drawn(planted: Planted) -> 
         defects = StepDefects(defect=share * np.ones_like(apart), uncertainty=np.ones_like(apart))
         errors = errors_record(tree, states, names, defects, apart)
         assert len(errors.accelerations) == rows
+
+
+@needs_browser
+def test_compared_robots_are_drawn_over_each_other(browser: Browser, tmp_path: Path) -> None:
+    file = written(tmp_path, "arm.xml", MJCF)
+    other = changed(tmp_path / "b", file, ('pos="0 0 -0.4"', 'pos="0 0 -0.5"'))
+    comparison = compared(file, other, pictured=True)
+    path = tmp_path / "compare.html"
+    write_comparison(path, comparison)
+    with browser.tab() as tab:
+        tab.window(390, 844)
+        tab.open(path.as_uri())
+        tab.until(DRAWN)
+        places = tab.run(f"[2, 5].map((body) => {BOX}.viewer.poses()[0][body].slice(0, 3))")
+        assert np.linalg.norm(np.subtract(*places)) == pytest.approx(0.1)
+        assert tab.run("document.documentElement.scrollWidth") <= 390
+        assert tab.run(f"[...{BOX}.viewer.lit].map((i) => {BOX}.viewer.data.bodies[i].name)") == [
+            "hand"
+        ]
+        tab.problems = [one for one in tab.problems if "GL Driver Message" not in one]
+        sound(tab, path.as_uri())

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.records.case import TimeStep
 from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.results import BaselineChanges
 from physics_crosscheck.harness.records.survey import ActingQuantity
@@ -53,6 +54,21 @@ def finding_of_an_agreeing_model(base: Results) -> Results:
     where = SourceLine(file="/a/robot.urdf", line=7)
     wrong = finding("m is 2 where 3 belongs", location=where, expected=3.0, actual=2.0)
     return changed_model(base, 1, audit=(wrong,))
+
+
+def implausible_numbers_alone(base: Results) -> Results:
+    where = SourceLine(file="/a/robot.urdf", line=7)
+    doubtful = finding(
+        "the masses of 'left' and 'right' are 2 and 1",
+        kind="left and right", location=where, severity="advice",
+    )  # fmt: skip
+    other = replace(doubtful, message="'left_arm' is 3 times as heavy")
+    return changed_model(base, 1, audit=(doubtful, other))
+
+
+def time_step_without_a_full_run(base: Results) -> Results:
+    step = TimeStep(step=0.002, duration=1.0, error=0.0123, order=1)
+    return changed_case(base, 0, full_run=None, series=None, time_step=step)
 
 
 def finding_about_a_whole_file(base: Results) -> Results:
@@ -179,6 +195,8 @@ VARIANTS: dict[Callable[[], Results], dict[Variant, str]] = {
     lambda: results(1): {
         effective_and_declared_number: "case-.*",
         finding_of_an_agreeing_model: "overview|diagnosis-.*",
+        implausible_numbers_alone: "overview",
+        time_step_without_a_full_run: "overview",
         finding_about_a_whole_file: "diagnosis-.*",
         two_numbers_to_change: "overview",
         two_numbers_of_an_unexplained_difference: "overview",

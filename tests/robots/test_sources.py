@@ -234,6 +234,12 @@ def test_urdf_without_inertia_is_compared_by_poses(
     file.write_text(re.sub(r"(<link name=.[ab].)/>", rf"\1>{zeros}</link>", PLANNED))
     assert main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")]) == 0
     assert "digits poses only" in " ".join(capsys.readouterr().out.split())
+    plane = (
+        '<collision><origin xyz="0 0 -5"/><geometry><box size="30 30 9"/></geometry></collision>'
+    )
+    file.write_text(f'<robot name="p"><link name="plane">{plane}</link></robot>')
+    assert main(["run", str(file), "--engine", "pybullet", "--out", str(package / "out")]) == 0
+    assert "digits poses only" in " ".join(capsys.readouterr().out.split())
     file.write_text(PLANNED.replace('lower="0"', 'lower="zero"'))
     main(["run", str(file), "--engine", "mujoco", "--out", str(package / "out")])
     assert "planned.urdf:6" in (shown := capsys.readouterr().out)
@@ -326,8 +332,8 @@ def test_source_of_the_suffix_urdf_is_expanded(package: Path) -> None:
     expanded = source_file(str(source))
     assert expanded is not None
     assert read_robot(expanded).tree is not None
-    comment = "<robot><!-- <xacro:include filename='a'/> --><link name='l'/></robot>"
-    (package / "plain.urdf").write_text(comment)
+    comment = "<robot><!-- <xacro:include filename='a'/> --><link name='l'>{}</link></robot>"
+    (package / "plain.urdf").write_text(comment.format("<inertial><mass value='1'/></inertial>"))
     assert source_file(str(package / "plain.urdf")) is None
 
 

@@ -118,7 +118,10 @@ def test_explain_suggests_the_closest_code(capsys: pytest.CaptureFixture[str]) -
 def test_explain_searches_for_words(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", "Inertia", "no mass"]) == 0
     assert "XC104  A link has inertia but no mass." in capsys.readouterr().out
-    assert main(["explain", "zebra", "mass"]) == 2
+    assert main(["explain", "zebra", "quagga"]) == 2
+    capsys.readouterr()
+    assert main(["explain", "step", "too", "long", "zebra"]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith("  XC180  ")
 
 
 def test_explain_without_a_code_lists_all(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
+from physics_crosscheck.harness.results import ignored
 from physics_crosscheck.harness.results.github import run_notes
 from physics_crosscheck.harness.results.ignored import CodeFilter
 from physics_crosscheck.records import Outcome, Results, SourceLine
@@ -33,6 +34,19 @@ def test_ignored_difference_passes_and_is_counted(
     chosen = CodeFilter(**given)
     run = chosen.results(wrong(tmp_path, comment))
     assert (exit_code(run, False), run_notes(run), chosen.lines()) == (0, [], [codes])
+
+
+def test_comments_of_a_file_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = list[Path]()
+
+    def read(path: Path) -> bytes:
+        opened.append(path)
+        return b"\n" * 9
+
+    monkeypatch.setattr(ignored, "read_regular", read)
+    findings = [finding(location=SourceLine(file="a.xml", line=line)) for line in range(1, 9)]
+    assert CodeFilter().reported(findings, str(tmp_path)) == findings
+    assert len(opened) == 1
 
 
 @pytest.mark.parametrize("given", [{"ignore": ("XC201",)}, {"ignore": ("XC1",)}, {}])

@@ -15,6 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
+from physics_crosscheck.harness.documents.usd import SUFFIXES, stage_of
 from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart, Robot
 from physics_crosscheck.harness.records.base import SourceLine
@@ -37,6 +38,7 @@ from .facts import (
 )
 from .hull import Hull, uniform
 from .mirror import mirrored_parts
+from .usd import stage_advice
 
 NAMED = 3
 """Most links or joints that a message names."""
@@ -85,6 +87,9 @@ DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
 
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
+
+FAR_TRAVEL = 50.0
+"""Range of a slide between massive links, in extents of the robot, that is in millimetres."""
 
 SMALLEST_BALL = 4e-7 * np.eye(3)
 """Moments per kg of a ball of 1 mm radius, m^2, for links whose shapes can't be read."""
@@ -286,6 +291,24 @@ def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
         )  # fmt: skip
 
 
+def travel_in_millimetres(facts: RobotFacts) -> Iterator[Advice]:
+    """Yield ranges of slides between links with mass that are far longer than the robot."""
+    extent, massive = facts.extent, {one.name for one in facts.robot.parts if one.inertia.mass}
+    for link in facts.links:
+        for joint in link.joints if link.parent in massive else ():
+            if joint.kind != "slide" or joint.limits is None:
+                continue
+            low, high = joint.limits
+            in_metres = 1e-3 * (high - low)
+            if FAR_TRAVEL * extent < high - low and in_metres < extent:
+                message = f"joint {quote(joint.name)} has limits of {low:g} and {high:g} m in a"
+                message += f" robot of {extent:.2g} m: as millimetres they fit. Write metres"
+                yield facts.advice(
+                    "implausible limit", (joint.name, "range"), message, in_metres, high - low,
+                    1e3, line=facts.line("joint", joint.name, "limit"),
+                )  # fmt: skip
+
+
 def _radians(facts: RobotFacts) -> Iterator[tuple[str, float]]:
     """Yield joints of a file in degrees that states their largest limits like radians."""
     compilers = (one for root in facts.roots for one in root.findall("compiler"))
@@ -326,11 +349,12 @@ def center_outside(facts: RobotFacts, body: WeldedBody, hull: Hull) -> Iterator[
     limit = max(MIN_OUTSIDE, OUTSIDE_SHARE * hull.diagonal)
     if distance > limit:
         frame = body.frames[body.name]
+        middle, unit = frame.rotation.T @ (hull.center - frame.origin), 1e-4 * hull.diagonal
         message = (
             f"the center of mass of {body.link} is {1e3 * distance:.3g} mm outside its "
             f"shapes of {1e3 * hull.diagonal:.3g} mm; their middle is at "
-            f"{vector_text(frame.rotation.T @ (hull.center - frame.origin))}. Check the origin of "
-            "its inertia, and the places of its shapes"
+            f"{vector_text(np.round(middle / unit) * unit)}. Check the origin of its inertia, "
+            "and the places of its shapes"
         )
         yield facts.advice("center outside", body.name, message, 0.0, distance, distance / limit)
 
@@ -555,6 +579,7 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
     one_density,
     default_density,
     limits_in_degrees,
+    travel_in_millimetres,
     weak_drives,
     damping_ratios,
     negative_limits,
@@ -576,6 +601,8 @@ def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     facts = RobotFacts(robot, robot.tree)
     with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
         advice = [one for judge in KINDS for one in judge(facts)]
+        if robot.file.suffix in SUFFIXES:
+            advice += stage_advice(stage_of(robot.file, robot.stated))
     advice.sort(key=lambda one: (_ORDER.index(one[1].kind), -one[0]))
     return (*(finding for _, finding in advice), *_uncompared(facts))
 

@@ -1,7 +1,5 @@
 """Quantities that the numbers of both files act as, side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 

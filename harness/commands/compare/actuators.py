@@ -1,7 +1,5 @@
 """Actuators of two files: pairs, the controls that hold them, and their differences."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers

@@ -1,7 +1,5 @@
 """Effect of each difference of the files on the motions, and of all differences together."""
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

@@ -257,13 +257,18 @@ def candidates(
 
 
 def fallbacks(a: Candidate, b: Candidate) -> Iterator[tuple[Candidate, Candidate]]:
-    """Yield both models in the other engines that they share."""
+    """Yield both models in the other engines that they share, then each in its usual one."""
     for name in a.others:
         first, other = (
             candidate(x.label, x.sidecar.model, name, floating=x.floating) for x in (a, b)
         )
         note = f"{a.engine} can't load both files: {name} runs them"
         yield replace(first, notes=(note, *first.notes)), other
+    usual = [candidate(x.label, x.sidecar.model, None, floating=x.floating) for x in (a, b)]
+    names = [one.engine for one in usual]
+    if names not in ([a.engine, b.engine], *([name, name] for name in a.others)):
+        note = f"{a.engine} can't load both files: {names[0]} runs A, and {names[1]} runs B"
+        yield replace(usual[0], notes=(note, *usual[0].notes)), usual[1]
 
 
 def candidate(

@@ -30,6 +30,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.documents.expanded import relocated, with_sources
+from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
@@ -49,6 +50,7 @@ from physics_crosscheck.harness.records.comparison import (
 )
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.segments import Segments
@@ -64,7 +66,7 @@ from .match import (
 from .prepared import PreparedComparison, omission_notes, prepare
 from .properties import FileComparison, compare_files
 from .segments import Ends, own_forces, run_source, run_target
-from .side import make_property
+from .side import ModelSide, make_property, side_scene
 from .states import StartRange, range_notes, sampled_states, start_range
 from .terms import measured_terms
 
@@ -139,6 +141,7 @@ class CompareOptions:
     Attributes:
         include_constraints: whether contacts, joint limits, dry friction and couplings act.
         strict: whether real or possible differences that no run shows count as differences.
+        pictured: whether the result has the scenes of both models.
     """
 
     a: Candidate
@@ -148,6 +151,7 @@ class CompareOptions:
     resolution: float = 1e-9
     include_constraints: bool = False
     strict: bool = False
+    pictured: bool = False
 
 
 def compare(
@@ -174,6 +178,7 @@ def compare(
     compared = structs.replace(
         _compared(prepared, motions, share, measured, attribution, laws),
         acting=_acting(executor, prepared),
+        scenes=_scenes(executor, motions.files.sides) if options.pictured else (),
         seconds=time.perf_counter() - began,
     )
     unknown = unknown_edits(prepared, motions.files, compared, attribution)
@@ -215,7 +220,13 @@ def _decided(
         return compared, Outcome.AGREES, ""
     rows = deciding(compared, options.resolution, unknown)
     every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
-    rounded = [row for row in every if is_rounding(row)] if _is_short(prepared) else []
+    rounded = []
+    if any(one.sidecar.model.suffix in SUFFIXES for one in prepared.models):
+        rounded = [
+            row for row in every if row.relative is not None and row.relative <= FLOAT_DIGITS
+        ]
+    elif _is_short(prepared):
+        rounded = [row for row in every if is_rounding(row)]
     rows = [row for row in rows if row not in rounded]
     largest = max((row.relative or 0.0 for row in rounded), default=0.0)
     moving = [row for row in every if row.moves]
@@ -270,6 +281,9 @@ STILL = 1e-12
 
 PLACES = ("anchor", "axis")
 """Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
+
+FLOAT_DIGITS = 5e-7
+"""Largest relative rounding of numbers that USD stores in 32 bits."""
 
 SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""
@@ -342,6 +356,19 @@ def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedA
     """Return what both files' numbers act as where they differ; nothing if an engine fails."""
     (rows,) = ask_each(executor, prepared.models[0], compare_acting, [prepared.facts])
     return () if isinstance(rows, Failure) else rows
+
+
+def _scenes(executor: Executor, sides: tuple[ModelSide, ModelSide] | None) -> tuple[Scene, ...]:
+    """Return the scenes of both models; none if one is not a tree, or if its meshes fail."""
+    if sides is None:
+        return ()
+    scenes = [
+        one
+        for model in sides
+        for one in ask_each(executor, model.facts.candidate, side_scene, [model])
+        if not isinstance(one, Failure)
+    ]
+    return tuple(scenes) if len(scenes) == len(sides) else ()
 
 
 def failed_comparison(

@@ -1,7 +1,5 @@
 """Edits that turn A's file into B's: numbers, words, whole elements."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

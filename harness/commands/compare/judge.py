@@ -1,7 +1,5 @@
 """Verdict from the end states of both models' runs, and effects of differences by equations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

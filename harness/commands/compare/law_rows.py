@@ -3,8 +3,6 @@
 Rows of two files are paired by the names of joints, shapes and tendons.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -3,8 +3,6 @@
 At states where rows of A act, A's law steps with B's numbers; the engine does not run again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

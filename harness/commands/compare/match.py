@@ -1,7 +1,5 @@
 """Pairs of joints of two files, and the map between their coordinates, states and forces."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Preparation of both models: load them, pair their joints, and lock joints without a partner."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -10,7 +8,7 @@ from physics_crosscheck.harness.checks.findings import format_omission
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import Omission
+from physics_crosscheck.harness.modelfiles.robot import CLOSING, Omission
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.collocation import ReferenceError
@@ -89,7 +87,7 @@ def prepare(
             for name, at in held.items()
         ]
     pairs, locked = _joints(joint_pairs, joints), tuple(map(_locked, models))
-    differences = tuple(_lock_differences(models, pairs, locked))
+    differences = (*_lock_differences(models, pairs, locked), *_loop_differences(models))
     notes += _lock(models, pairs, locked, still)
     moving = {a: b for a, b in joint_pairs.pairs.items() if a not in still[0]}
     joint_pairs = replace(joint_pairs, pairs=moving)
@@ -141,6 +139,20 @@ def _lock_differences(
                 lines=lines_of(sides[0], sides[1], "damping", names), moves=False,
                 relative=abs(a - b) / max(a, b),
             )[0]  # fmt: skip
+
+
+def _loop_differences(models: Pair) -> Iterator[ComparedProperty]:
+    """Yield joints that close loops in one file alone: engines without loops leave them out."""
+    closing = [
+        {name for one in m.robot.left_out if one.what == CLOSING for name in one.where}
+        if m.robot
+        else set()
+        for m in models
+    ]
+    for label, here, there in zip("AB", closing, closing[::-1], strict=True):
+        for name in sorted(here - there):
+            message = f"joint {name} closes a loop in {label} alone"
+            yield make_property("kind", name, message, moves=False)[0]
 
 
 def _lock(

@@ -4,8 +4,6 @@ They are read from the files, without a motion. Masses and axes affect the equat
 some actuators and shapes do not affect the compared motions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

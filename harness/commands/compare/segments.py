@@ -1,7 +1,5 @@
 """Short runs of both models from the same states, and their end states as h -> 0."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

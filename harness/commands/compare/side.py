@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
@@ -18,6 +19,7 @@ from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
+from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.assemble import tree_system
 from physics_crosscheck.reference.mechanism.chart import Coupled
@@ -101,6 +103,7 @@ class ModelSide:
         label: "A" or "B".
         file: that was read.
         facts: of the model as it runs.
+        position: of the tree's coordinates, (nv,).
         placed: the tree at the common position.
         parts: the file's links, by the link of the tree that contains them.
         springs: whether a sidecar adds springs to the file.
@@ -109,6 +112,7 @@ class ModelSide:
     label: str
     file: Path
     facts: Facts
+    position: Array
     placed: PlacedTree
     parts: tuple[tuple[LinkPart, ...], ...]
     springs: bool
@@ -269,6 +273,7 @@ def model_side(facts: Facts, z: Array) -> ModelSide | None:
         if part.body != WORLD:
             parts[part.body].append(part)
     return ModelSide(
+        position=z[[facts.coordinates.index(name) for name in names_of(tree)]],
         label=facts.candidate.label,
         file=facts.candidate.sidecar.model,
         facts=facts,
@@ -276,6 +281,14 @@ def model_side(facts: Facts, z: Array) -> ModelSide | None:
         parts=tuple(map(tuple, parts)),
         springs=bool(facts.candidate.sidecar.springs),
     )
+
+
+def side_scene(model: ModelSide) -> Scene:
+    """Return the scene of a model at its position."""
+    robot = model.facts.robot
+    assert robot is not None  # it has a tree
+    links = (part.link for part in robot.parts)
+    return scene_record(model.tree, None, links, robot.placed, model.position)
 
 
 PIECES = (1, 8, 64)

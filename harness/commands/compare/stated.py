@@ -4,8 +4,6 @@ Motions and steps leave these out, or take them from the engine. Shapes are pair
 place, so that names, order and the frames of bodies do not matter.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,6 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
+from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -131,7 +130,8 @@ def _matched(
     of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
     of_b = _placed(b, links)
     if a.file.suffix != b.file.suffix:  # only an MJCF states the surroundings of a robot
-        of_a, of_b = ([x for x in one if x.link != WORLD] for one in (of_a, of_b))
+        is_read = {a.file.suffix, b.file.suffix}.isdisjoint(SUFFIXES)  # those of USD are not
+        of_a, of_b = ([x for x in one if x.link != WORLD and is_read] for one in (of_a, of_b))
     size = max(a.placed.size, b.placed.size)
     touching_a, touching_b = ([x for x in one if _touches(x)] for one in (of_a, of_b))
     pairs: list[tuple[_Shape, _Shape]] = []

@@ -4,8 +4,6 @@ Only accelerations at given states are used, as limits of a few tiny steps, with
 known force on each coordinate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Acceptance of present results as the baseline, each with a reason."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase

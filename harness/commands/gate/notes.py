@@ -1,7 +1,5 @@
 """Annotations of a pull request at file and line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

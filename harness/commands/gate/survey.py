@@ -1,7 +1,5 @@
 """State of the gate before a run: the baseline, the files and their changes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Text of a gate's result: lines for a terminal or a log, and Markdown for a step summary."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -57,7 +55,7 @@ def gate_lines(result: GateResult, width: int = 80, given: Sequence[str] | None 
     if result.passes:
         return [*_headline(result, width), *_remarks(result, width, given is not None)]
     lines = [*_headline(result, width), *_edit_list(result, width)]
-    lines += [] if given is None else _remedy(result, width, given)
+    lines += [] if given is None else remedy(result, width, given)
     lines += _failures(result, width)
     for text in _causes(result):
         lines += wrapped(text, width)
@@ -79,13 +77,15 @@ def verdict(result: GateResult) -> str:
 
 
 def _headline(result: GateResult, width: int) -> list[str]:
-    """Return the verdict with its cause: one edit, one engine upgrade, or the counts."""
-    word = verdict(result)
+    return wrapped(f"{verdict(result)}  {headline(result)}", width)
+
+
+def headline(result: GateResult) -> str:
+    """Return the cause of the verdict: one edit, one engine upgrade, or the counts."""
     if not result.changes:
-        remedy = "Name a system folder or a robot file: crosscheck gate robot.urdf"
-        return wrapped(f"{word}  no cases found. {remedy}", width)
-    if word == "ok":
-        return wrapped(f"ok  {total(result)}", width)
+        return "no cases found. Name a system folder or a robot file: crosscheck gate robot.urdf"
+    if result.passes:
+        return total(result)
     bad = result.failing
     what = f"{len(bad)} of {counted(len(result.changes), 'case')}"
     status = _sole_item({change.status for change in bad})
@@ -96,20 +96,19 @@ def _headline(result: GateResult, width: int) -> list[str]:
             effect = "is not tested in"
         where = _where(place, place.changes[0])
         if all(line.old for line in place.changes):
-            return wrapped(f"{word}  {where} {edit} {effect} {what}", width)
-        return wrapped(f"{word}  {where} {effect} {what}; {edit}", width)
+            return f"{where} {edit} {effect} {what}"
+        return f"{where} {effect} {what}; {edit}"
     if status is Status.CHANGED and (upgrade := _sole_item({_upgrade(change) for change in bad})):
-        return wrapped(f"{word}  {upgrade} changed {what}", width)
+        return f"{upgrade} changed {what}"
     if not bad:
-        return wrapped(f"{word}  {counted(len(result.failures), 'check')} failed", width)
+        return f"{counted(len(result.failures), 'check')} failed"
     if status is Status.NEW:
-        return wrapped(f"{word}  {what} {_be(bad)} new: the baseline has no entry for them", width)
+        return f"{what} {_be(bad)} new: the baseline has no entry for them"
     if status is not None:
-        verb = f"{_be(bad)} {status}" if status is Status.GONE else f"{status}"
-        return wrapped(f"{word}  {what} {verb}", width)
+        return f"{what} {f'{_be(bad)} {status}' if status is Status.GONE else status}"
     counts = Counter(change.status for change in bad)
     parts = [_counted(one, counts[one]) for one in Status if counts[one]]
-    return wrapped(f"{word}  {what}: {', '.join(parts)}", width)
+    return f"{what}: {', '.join(parts)}"
 
 
 def _be(changes: Sequence[Change]) -> str:
@@ -172,7 +171,7 @@ def _edit_list(result: GateResult, width: int) -> list[str]:
     return lines
 
 
-def _remedy(result: GateResult, width: int, given: Sequence[str]) -> list[str]:
+def remedy(result: GateResult, width: int, given: Sequence[str]) -> list[str]:
     """Return the remedy: undo the edit, or accept the changes, with the command."""
     bad = result.failing
     if not bad or result.with_status(Status.NOT_RUN):

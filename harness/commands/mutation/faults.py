@@ -1,7 +1,5 @@
 """Faults of literals: three small sizes and four factors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from physics_crosscheck.harness.modelfiles.bindings import Binding

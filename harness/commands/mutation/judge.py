@@ -1,7 +1,5 @@
 """Check of one model with one planted fault."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 

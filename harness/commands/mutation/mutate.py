@@ -6,8 +6,6 @@ whether the motions of the folder's scenarios reveal a fault, whether the motion
 cause, and its smallest detectable size.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

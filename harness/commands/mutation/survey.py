@@ -1,7 +1,5 @@
 """Faults to plant, and the survey of a sound folder before that."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Generic
 

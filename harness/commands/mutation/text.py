@@ -1,7 +1,5 @@
 """Mutation results for the terminal: literals, known mistakes, and a summary line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 

@@ -1,7 +1,5 @@
 """Typical mistakes in the file of a robot, and in the settings of an engine for it."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -4,8 +4,6 @@ The equations give the effect of a number on the ends of segments, and the laws 
 so only numbers that affect one of them, or the place of a shape, are run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache

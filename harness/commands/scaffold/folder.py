@@ -1,7 +1,5 @@
 """A new system folder on disk: its name and the example's files, written whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

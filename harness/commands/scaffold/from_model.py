@@ -1,7 +1,5 @@
 """Create a system folder from a model file: its bodies, each number with its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.documents.reading import read_regular

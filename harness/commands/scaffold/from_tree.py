@@ -3,8 +3,6 @@
 Write system.py and the sidecar of a robot: declared bodies, each number with its line.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

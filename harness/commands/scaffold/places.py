@@ -1,7 +1,5 @@
 """Places of bodies, joints and force elements in model files, for comments next to numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Text of a model file as comments and literals of a new folder."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 

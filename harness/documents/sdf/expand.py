@@ -7,8 +7,6 @@ becomes a frame of its name, and its links, joints and frames get names such as 
 format's pose semantics (http://sdformat.org/tutorials?tut=composition).
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence

@@ -10,8 +10,6 @@ collision shapes and their densities
 (http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType

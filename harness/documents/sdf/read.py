@@ -4,8 +4,6 @@ The rules are those of the format (http://sdformat.org/spec), without elements t
 equations nor the adapters of engines cover.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +21,6 @@ from ..document import (
     FileLink,
     Mimic,
     add_loop_problems,
-    attach_child,
     free_name,
 )
 from ..elements import XmlElement
@@ -107,6 +104,7 @@ class SdfFile:
         world: the `<world>` that contains it, or None.
         frames: of the model.
         links, joints: by name, in the file's order.
+        closing: joints to links that a joint above carries already: they close loops.
         mimics: joints that follow others, by the follower's name.
         root: the link without a parent, or `world`.
         gravity: m/s^2.
@@ -119,6 +117,7 @@ class SdfFile:
     frames: SdfFrames
     links: Mapping[str, FileLink]
     joints: Mapping[str, SdfJoint]
+    closing: tuple[SdfJoint, ...]
     mimics: Mapping[str, Mimic]
     root: str
     gravity: Triple
@@ -151,7 +150,9 @@ def read_sdf(document: Document, chosen: str = "") -> SdfFile | None:
     document.child(model, "static")
     with np.errstate(all="ignore"):  # overflow is reported
         frames = SdfFrames(document, model)
-        links, joints = read_links(document, frames), read_joints(document, frames)
+        links, every = read_links(document, frames), read_joints(document, frames)
+        carrying = {joint.child: joint for joint in reversed(every.values())}
+        joints = {name: one for name, one in every.items() if carrying[one.child] is one}
         gravity, step = _gravity(document, world), _step(document, world)
         file = SdfFile(
             document=document,
@@ -160,13 +161,14 @@ def read_sdf(document: Document, chosen: str = "") -> SdfFile | None:
             frames=frames,
             links=links,
             joints=joints,
+            closing=tuple(one for name, one in every.items() if name not in joints),
             mimics=read_mimics(document, joints),
             root=_root(document, model, links, joints),
             gravity=GRAVITY if gravity is None else gravity,
             stated={**({} if gravity is None else {"gravity": [*gravity]}), **step},
         )
         if not document.obstacles:
-            for name in (*links, *joints):
+            for name in (*links, *every):
                 frames.place(name)
             frames.of_model()
     return file
@@ -493,7 +495,7 @@ def _only_model(
     elif models:
         static = models[0].findall("static")[0]
         what = "the model is" if len(models) == 1 else "all models are"
-        document.add_problem(static, f"{what} static, so nothing moves", "give another")
+        document.add_problem(static, f"{what} static, so nothing moves", "give another", "no joint")
     else:
         document.add_problem(holders[0], "it has no <model>", "add one")
     return None
@@ -518,9 +520,7 @@ def _root(
     joints: Mapping[str, SdfJoint],
 ) -> str:
     """Return the floating root link, or `world`."""
-    above: dict[str, str] = {}
-    for joint in joints.values():
-        attach_child(document, above, joint.element, (joint.parent, joint.child))
+    above = {joint.child: joint.parent for joint in joints.values()}
     if not links:
         document.add_problem(model, "it has no <link>", "add at least one")
     add_loop_problems(document, above, {name: link.element for name, link in links.items()})

@@ -8,8 +8,6 @@ one check. No check knows the model's equations: `crosscheck run` compares motio
 independent coordinates near its `home` and smooth dynamics there.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass

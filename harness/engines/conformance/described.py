@@ -1,7 +1,5 @@
 """Checks of the descriptions of an adapter and its models, and of the input that they reject."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Checks of forces that are held over each step, and of the limit of small steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks of rollouts: their shapes, and that they depend on their arguments only."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from physics_crosscheck.harness.engines.conformance.subject import (

@@ -7,8 +7,6 @@ collide bodies of one skeleton. It reads joint limits but enforces them only aft
 A DART skeleton in a world, with the harness's coordinates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
+from physics_crosscheck.harness.documents.sdf.read import read_sdf
 from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
@@ -58,7 +58,7 @@ from physics_crosscheck.harness.engines.sdf_sidecar import (
     sdf_without_bounds,
     sdf_without_friction,
 )
-from physics_crosscheck.harness.engines.source import one_line, shortened
+from physics_crosscheck.harness.engines.source import load_failure, one_line, shortened
 from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
 from physics_crosscheck.harness.engines.urdf_copy import (
@@ -244,6 +244,8 @@ TURNS = "DART's dropping of the cubic term of free turns below 1e-3 rad per step
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
+OPENED = "DART leaves out joint {}, which closes a loop"
+
 REACTION = "DART's servo for <mimic> without a reaction on the leader"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
@@ -305,6 +307,13 @@ class DartEngine(UrdfEngine):
     def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
         return DartModel(spec)
+
+    def file_remarks(self, path: Path) -> Iterator[Remark]:
+        """Yield joints of SDFormat that close loops: DART keeps the first joint of each link."""
+        file = read_sdf(Document(path)) if path.suffix == SDF else None
+        for joint in () if file is None else file.closing:
+            message, address = OPENED.format(joint.name), f"sdf/model/joint[{joint.name}]"
+            yield Remark(kind="ignored", message=message, fault=True, address=address)
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""
@@ -387,7 +396,7 @@ class DartModel(UrdfModel):
             skeleton = load(self.declared.text, self.path, self.floats)
         message = _COLOUR.sub("", one_line(" ".join(printed)))
         if skeleton is None:
-            raise EngineError(f"{self.path}: DART can't load it: {message}")
+            raise load_failure("DART", self.path, message)
         self._printed = (message,) if message else ()
         balls = ball_dampers(self.declared.robot) if self.settings["ball_damping"] else {}
         for name, damping in balls.items():

@@ -1,7 +1,5 @@
 """SDFormat for DART, whose parser reads versions 1.4 to 1.6 and ignores parts of a file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

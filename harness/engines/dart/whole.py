@@ -5,8 +5,6 @@ linear complementarity problem with a softness of 1e-9, which acts on M without 
 step's end. DART solves the problem exactly. It enforces no limits of a URDF.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

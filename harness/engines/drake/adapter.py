@@ -15,8 +15,6 @@ A URDF, or an SDFormat file, in Drake.
 Drake's SDFormat parser ignores `<mimic>` and defines its own element.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence

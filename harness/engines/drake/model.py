@@ -3,8 +3,6 @@
 Drake warns about inertias that it substitutes for impossible ones, in its log.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 from abc import abstractmethod
@@ -32,7 +30,7 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE, RungeKutta, each_alone
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import load_failure, one_line
 from physics_crosscheck.harness.engines.tree_model import (
     TreeModel,
     constrained_accelerations,
@@ -186,7 +184,7 @@ class DrakeModel(TreeModel):
             message = re.sub(
                 r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, one_line(error)
             )
-            raise UnsupportedError(f"{self.path}: Drake can't load it: {message}") from None
+            raise load_failure("Drake", self.path, message, UnsupportedError) from None
         return plant
 
     @cached_property

@@ -6,8 +6,6 @@ SDFormat has roll, pitch and yaw of its frame on the child in that on the parent
 velocities along the axes of the latter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

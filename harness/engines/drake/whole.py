@@ -6,8 +6,6 @@ Contacts are points, with the approximation `lagged`. Its numbers have no settin
 those of surfaces. Dry friction of joints has no effect in Drake.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Numbers of MuJoCo's laws that are not smooth, from a compiled model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An MJCF, or a URDF for MuJoCo, before compilation: stated values and their places."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import defaultdict
@@ -17,6 +15,7 @@ from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Rema
 from physics_crosscheck.harness.engines.source import (
     NoXmlError,
     check_memory,
+    load_failure,
     one_line,
     read_document,
     refused,
@@ -268,15 +267,15 @@ def load_error(error: Exception, path: Path, xml_sources: Sequence[Document]) ->
         True for _ in xml_sources[0].root.iter("include")
     )
     known_line = int(line[1]) if line and is_only_file else None
-    return EngineError(f"MuJoCo can't load it: {reason}{_hint(reason)}", file=path, line=known_line)
+    return load_failure("MuJoCo", path, reason + _hint(reason), line=known_line)
 
 
-_UNRECOGNIZED = re.compile(r"unrecognized (attribute|element).*?(?:'(\w+)' )?Element '(\w+)'")
+UNRECOGNIZED = re.compile(r"unrecognized (attribute|element).*?(?:'(\w+)' )?Element '(\w+)'")
 
 
 def _hint(reason: str) -> str:
     """Return the name in MuJoCo's schema that an unrecognized one probably stands for."""
-    match = _UNRECOGNIZED.search(reason)
+    match = UNRECOGNIZED.search(reason)
     if match is None:
         return ""
     tags = _schema()

@@ -13,8 +13,6 @@ MJX documents MuJoCo's law (MuJoCo's documentation, MJX, Feature parity). It cho
 - it detects contacts by functions of its own, and holds a slot for each that may occur.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import math
 import os

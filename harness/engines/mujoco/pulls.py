@@ -3,8 +3,6 @@
 Lengths are of joints, points or frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Changes that MuJoCo makes to a model, read from the compiled model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Small built-in meshes replace these: they take hundreds of times longer to compi
 and their files may be missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Features of MuJoCo beyond smooth dynamics: switched off under `smooth`, and counted."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Collection, Iterable, Iterator

@@ -14,8 +14,6 @@ Munthe-Kaas's rule (observed in 4.0: velocities equal the classical rule's, rota
 Munthe-Kaas's to the last digit).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

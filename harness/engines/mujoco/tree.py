@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -21,7 +22,12 @@ from physics_crosscheck.harness.engines.compiled import (
     Numbers,
 )
 from physics_crosscheck.harness.engines.mujoco.laws import laws_of
-from physics_crosscheck.harness.engines.mujoco.mjcf import included, load_error, sources
+from physics_crosscheck.harness.engines.mujoco.mjcf import (
+    UNRECOGNIZED,
+    included,
+    load_error,
+    sources,
+)
 from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
     acts,
@@ -144,7 +150,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
     xml_sources = () if texts else sources(path)
     try:
         with Warnings().collecting():
-            tree = _spec(path, texts)
+            tree, unread = _spec(path, texts)
             meshes = mesh_files(tree)
             without_idle_files(tree)
             shapes = files_of_shapes(tree)
@@ -161,7 +167,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             gravity=as_triple(m.opt.gravity) if acts(m, "GRAVITY") else ZERO,
             fluid=_read_once(box_fluid, m, path),
             name=tree.modelname,
-            besides=_read_once(besides, m, path),
+            besides=(*_read_once(besides, m, path), *unread.items()),
             uncovered=_read_once(uncovered, m, path),
             actuators=_read_once(_actuators, m, path),
             states=int(m.na),
@@ -367,7 +373,29 @@ def _text(values: Any) -> str:
     return " ".join(f"{float(value):.12g}" for value in np.ravel(values))
 
 
-def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:
+def _spec(path: Path, texts: Mapping[Path, bytes]) -> tuple[Any, Counter[str]]:
+    """Return a file without attributes that MuJoCo's schema lacks, and a count of these.
+
+    MuJoCo refuses such a file, as one of an older format, but other engines may read it.
+    """
+    unread = Counter[str]()
+    while True:
+        try:
+            return _parsed(path, texts), unread
+        except ValueError as error:
+            sentence = load_error(error, path, sources(path)).sentence
+            ((kind, name, tag),) = UNRECOGNIZED.findall(sentence)[:1] or [("", "", "")]
+            what = f"{name} of <{tag}>, which MuJoCo's format lacks"
+            if kind != "attribute" or what in unread:
+                raise
+        stated = re.compile(rf"""(<{tag}\b[^<>]*?)\s{name}\s*=\s*("[^"]*"|'[^']*')""".encode())
+        texts = {one: texts.get(one) or read_regular(one) for one in included(path)}
+        changed = {one: stated.subn(rb"\1", text) for one, text in texts.items()}
+        texts = {one: text for one, (text, _) in changed.items()}
+        unread[what] = sum(count for _, count in changed.values())
+
+
+def _parsed(path: Path, texts: Mapping[Path, bytes]) -> Any:
     import mujoco
 
     if not texts:

@@ -4,8 +4,6 @@ MuJoCo gives limits, dry friction and shapes of a URDF its default softness. It 
 of continuous joints, and ranges of which one bound is missing (4.0.0; `src/xml/xml_urdf.cc`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial

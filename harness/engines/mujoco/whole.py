@@ -1,7 +1,5 @@
 """MuJoCo with all its forces, for single steps from given states."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any

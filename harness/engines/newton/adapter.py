@@ -68,8 +68,9 @@ class Worlds:
     def _batch_of(self, count: int) -> _Batch:
         import newton
 
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=self._builder.gravity)
-        builder.replicate(self._builder, count)
+        given = self._builder
+        builder = newton.ModelBuilder(up_axis=given.up_axis, gravity=given.gravity)
+        builder.replicate(given, count)
         return _Batch(builder.finalize(device="cpu", skip_validation_inertia=True))
 
     def rollout(
@@ -206,6 +207,9 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an MJCF's joint equalities become mimics, which its solver enforces; it drops
     # equalities.
     "equalities": True,
+    # Whether joints of a USD stage without an articulation root are put into one; Newton's own
+    # solver leaves them out.
+    "articulations": False,
 })  # fmt: skip
 
 

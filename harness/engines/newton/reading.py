@@ -58,9 +58,10 @@ def collect_warnings(messages: list[str]) -> Iterator[None]:
 
 
 def without_limit_forces(builder: Any) -> None:
-    """Remove the springs and dampers of joint limits."""
-    for name in ("joint_limit_ke", "joint_limit_kd"):
-        setattr(builder, name, [0.0] * len(getattr(builder, name)))
+    """Remove joint limits: their springs and dampers, and that drives do not act beyond them."""
+    values = {"ke": 0.0, "kd": 0.0, "lower": -UNLIMITED, "upper": UNLIMITED}
+    for name, value in values.items():
+        setattr(builder, f"joint_limit_{name}", [value] * len(builder.joint_limit_ke))
 
 
 def limits_of(read: ParsedModel) -> Array:

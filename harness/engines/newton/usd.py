@@ -22,6 +22,8 @@ from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, 
 from physics_crosscheck.harness.engines.source import open_stage
 from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
+ORPHANS = "Newton's leaving out of joints without a PhysicsArticulationRootAPI"
+
 
 def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     """Read a stage whose settings are valid.
@@ -56,6 +58,11 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
         without_limit_forces(builder)
     layout = Layout(builder, _joint_names(stage, builder, joints), np.zeros(len(builder.joint_qd)))
     lost: dict[str, Mapping[str, object]] = {}
+    if orphans := [i for i, one in enumerate(builder.joint_articulation) if one < 0]:
+        if settings["articulations"]:
+            builder.add_articulation(orphans)
+        else:
+            lost[ORPHANS] = {"articulations": True}
     with collect_warnings(messages):
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}

@@ -11,8 +11,6 @@ Its parser reads only the first root body, requires names of the model and of bo
 without contacts as visual geometry, and applies the drawn pose of a free joint twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """A tree in Pinocchio, from any format: its accelerations and the poses of its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A file as Pinocchio reads it: its model and the frames of its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +8,7 @@ import numpy as np
 
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import load_failure, one_line
 from physics_crosscheck.harness.engines.tree_model import Weight
 
 
@@ -29,7 +27,7 @@ def build_urdf(path: Path, file: Path, root: str) -> Any:
             return pin.buildModelFromUrdf(str(path))
     except ValueError as error:
         message = one_line(" ".join(printed)) or one_line(error)
-        raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
+        raise load_failure("Pinocchio", file, message, UnsupportedError) from None
 
 
 GROUND = "world"

@@ -71,7 +71,13 @@ from physics_crosscheck.harness.engines.pybullet.stepper import (
 )
 from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
 from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, one_line, refused, shortened
+from physics_crosscheck.harness.engines.source import (
+    engine_errors,
+    load_failure,
+    one_line,
+    refused,
+    shortened,
+)
 from physics_crosscheck.harness.engines.urdf import (
     SETTINGS,
     URDF_NON_PHYSICAL,
@@ -328,10 +334,12 @@ class PybulletModel(LoadedModel):
         robot = file.document.root
         p.resetSimulation()
         # PyBullet caches files by name even across a reset, so a rewritten file would not be read
-        # again. The default residual threshold would stop the solver early, at 1e-7.
+        # again. The default residual threshold would stop the solver early, at 1e-7; at 1e-30, the
+        # square of a speed, further iterations change rounding only.
         p.setPhysicsEngineParameter(
-            enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
-        )
+            enableFileCaching=0, numSubSteps=0, numSolverIterations=200,
+            solverResidualThreshold=1e-30,
+        )  # fmt: skip
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         self._body = self._load_file(self._changes)
@@ -374,7 +382,7 @@ class PybulletModel(LoadedModel):
                 return int(p.loadURDF(str(path), useFixedBase=fixed, flags=flags))
         except p.error as error:
             reason = messages[-1] if messages else one_line(error)
-            raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
+            raise load_failure("PyBullet", spec.path, reason) from None
 
     def _setting(self, key: str) -> float | bool:
         value = self._declared[0].settings.get(key, DEFAULTS[key])

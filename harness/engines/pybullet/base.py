@@ -8,8 +8,6 @@ the axes of the link's inertial frame, not of the link. A position motor without
 their default motor, as `VELOCITY_CONTROL` does for other joints.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

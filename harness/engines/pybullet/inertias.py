@@ -6,8 +6,6 @@ after all off-diagonal elements are below 1e-6 of the trace (`btMatrix3x3::diago
 file is to give principal axes in the `<origin>` of the `<inertial>`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -6,8 +6,6 @@ It multiplies the inertia of a link by `<inertia_scaling>` in its `<contact>`, w
 reads (`ConvertURDF2BulletInternal`: `localInertiaDiagonal *= contactInfo.m_inertiaScaling`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ to load than the rest, and their files may be missing. PyBullet reports the numb
 only with `URDF_USE_IMPLICIT_CYLINDER`; without the flag it is a polyhedron with 32 sides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Motions and poses of a loaded body: torques are set from the state before each step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

@@ -9,8 +9,6 @@ A fixed root meets no floor: a contact that cannot move along one of its axes ha
 which hides the others, so that Bullet may stop after its first iteration.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

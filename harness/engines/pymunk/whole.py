@@ -4,8 +4,6 @@ A Space keeps impulses from step to step, so that each state gets a newly built 
 the contacts is that in which pymunk corrects them: it calls `post_solve` in this order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from types import MappingProxyType

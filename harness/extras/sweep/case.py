@@ -3,8 +3,6 @@
 A sweep omits these parts of a run: other full runs, series, linearizations, audit and coverage.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from functools import lru_cache

@@ -3,8 +3,6 @@
 Run a sweep: survey the folders, plan the cases, run them and store the rows.
 """
 
-from __future__ import annotations
-
 import argparse
 import collections
 import heapq

@@ -4,8 +4,6 @@ The order is folders, draws, scenarios, then models with engines and integrators
 Cases with a common reference motion are consecutive, and only one block of cases is in memory.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ and renamed, so the folder never has an incomplete one. Every reader of Parquet 
 folder `rows` as one table.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -1,7 +1,5 @@
 """Survey a folder or file before planning: constants, scenarios, models."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

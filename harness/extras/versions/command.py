@@ -1,7 +1,5 @@
 """The command `crosscheck versions`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from physics_crosscheck.harness.interfaces.cli import arguments
@@ -43,7 +41,7 @@ COMMAND = Command(
             metavar=("NAME", "VERSION"),
             help="Engine and at least two versions, as VERSION or VERSION=ENVIRONMENT (required)",
         ),
-        arguments.XACRO,
+        *arguments.SOURCES,
         arguments.floating(),
         arguments.RESOLUTION,
         arguments.DIAGNOSE,

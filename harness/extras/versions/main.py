@@ -6,8 +6,6 @@ The results of the first version are accepted in a temporary baseline. Each next
 `crosscheck gate` does, on the same segments, and its results are accepted for the one after it.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.metadata
 import importlib.util

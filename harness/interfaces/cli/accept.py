@@ -1,7 +1,5 @@
 """`crosscheck accept`: write the current results into the baseline, with a reason."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

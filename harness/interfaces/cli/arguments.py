@@ -1,7 +1,5 @@
 """Options that several commands share, each defined once, and the values that they accept."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os
@@ -31,6 +29,13 @@ def xacro_argument(text: str) -> str:
     """Return a text such as `gripper:=true`; raise argparse's error for another one."""
     if not _ASSIGNMENT.match(text):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME:=VALUE, such as gripper:=true")
+    return text
+
+
+def variant_selection(text: str) -> str:
+    """Return a text such as `size=large`; raise argparse's error for another one."""
+    if not all(text.partition("=")):
+        raise argparse.ArgumentTypeError(f"{text!r} is not SET=NAME, such as size=large")
     return text
 
 
@@ -284,7 +289,25 @@ XACRO = option(
     metavar="NAME:=VALUE",
     help="Argument of xacro sources; the option's name may be left out",
 )
-ROBOT_OPTIONS = (STANDALONE, XACRO, floating(), chosen_model())
+VARIANT = option(
+    "Robot files",
+    "--variant",
+    action=AppendAction,
+    type=variant_selection,
+    default=[],
+    metavar="SET=NAME",
+    help="Variant of a USD robot, instead of the one that its file selects",
+)
+OUTSIDE = option(
+    "Robot files",
+    "--allow-outside",
+    action="store_true",
+    help="Read USD layers outside of the robot's folder too",
+)
+SOURCES = (XACRO, VARIANT, OUTSIDE)
+"""How a robot file is made of its sources."""
+
+ROBOT_OPTIONS = (STANDALONE, *SOURCES, floating(), chosen_model())
 """How robot files are read."""
 
 MOTION = option(

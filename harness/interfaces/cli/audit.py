@@ -1,12 +1,11 @@
 """`crosscheck audit`: literals, compiled terms and engine defaults, without motion."""
 
-from __future__ import annotations
-
 import argparse
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from difflib import unified_diff
+from difflib import get_close_matches, unified_diff
 from itertools import chain, groupby
 from pathlib import Path
 
@@ -85,8 +84,17 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _is_other_xml(path: Path) -> bool:
-    """Return whether a file is XML of another purpose, such as a launch file."""
-    return path.suffix == ".xml" and path.is_file() and not is_robot(path)
+    """Return whether a file is XML of another purpose, such as a launch file.
+
+    A misspelled `<mujco>` and a file without an element are meant as models, and not skipped.
+    """
+    if path.suffix != ".xml" or not path.is_file() or is_robot(path):
+        return False
+    text = re.sub(rb"(?s)<!--.*?-->|<[?!][^>]*>", b"", read_regular(path))
+    root = re.search(rb"<([\w:.-]+)", text)
+    return root is not None and not get_close_matches(
+        root[1].decode("latin-1").lower(), ["mujoco"], cutoff=0.65
+    )
 
 
 def _reported(model_audits: Iterable[ModelAudit], codes: CodeFilter) -> tuple[ModelAudit, ...]:

@@ -3,8 +3,6 @@
 This module imports only what parsing needs, so help and completion load no sympy and no engine.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Iterable, Mapping
@@ -304,7 +302,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Compare",
         purpose="Compare two model files without declared equations",
         description="Compare two model files of one mechanism, without declared equations.\n"
-        "Print whether they move alike, and the numbers that differ.",
+        "Print whether they move alike, and the numbers that differ; write compare.html.",
         examples={
             "Compare two files": "crosscheck compare robot.urdf robot.xml",
             "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"
@@ -352,11 +350,12 @@ COMMANDS: Mapping[str, Command] = {
                 action="store_true",
                 help="Include contacts, joint limits, dry friction and couplings",
             ),
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating("as the other file"),
             arguments.RESOLUTION,
             arguments.STRICT,
             arguments.DETAILS,
+            arguments.out("reports"),
             arguments.JSON_FILE,
             *arguments.limits(),
         ),
@@ -367,7 +366,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Keep a baseline",
         purpose="Run changed models and compare them with the baseline",
         description="Run the models that changed and compare them with the accepted baseline.\n"
-        "Write gate.json and summary.md. Made for CI.",
+        "Write gate.json, summary.md and gate.html. Made for CI.",
         examples={
             "Check what changed since the baseline": "crosscheck gate",
             "Run every case of one folder": "crosscheck gate my_arm --all",
@@ -440,7 +439,7 @@ COMMANDS: Mapping[str, Command] = {
                 help="Folder or robot file; repeatable [those of the baseline]",
             ),
             arguments.ENGINE,
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating("as accepted"),
             arguments.chosen_model("as accepted"),
             arguments.RESOLUTION,
@@ -488,7 +487,7 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="FILE",
                 help="Model file to start from: URDF, SDFormat or MJCF",
             ),
-            arguments.XACRO,
+            *arguments.SOURCES,
             arguments.floating(),
             arguments.chosen_model("the only movable one"),
         ),

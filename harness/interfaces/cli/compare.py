@@ -1,7 +1,5 @@
 """`crosscheck compare`: compare two models of one mechanism, without equations."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import sys
@@ -23,11 +21,14 @@ from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.html.comparison import write_comparison
 from physics_crosscheck.harness.render.terminal.comparison import print_comparison
-from physics_crosscheck.harness.render.terminal.console import print_hint, terminal
+from physics_crosscheck.harness.render.terminal.console import print_hint, print_text, terminal
 from physics_crosscheck.harness.results.messages import explain_hint
+from physics_crosscheck.harness.results.places import shown_path
 from . import arguments
 from .exit_codes import AGREE, DIFFER, FAIL, USAGE
+from .report import check_page
 
 JOBS = 1
 """Worker processes; starting a second one takes longer than running both models in turn."""
@@ -37,6 +38,7 @@ def main(options: argparse.Namespace) -> int:
     """Compare, print the result, and write the record."""
     created = datetime.datetime.now(datetime.UTC)
     try:
+        check_page(options.out / "compare.html")
         pair = _pair(options)
         with Workers(JOBS, arguments.limits_of(options)) as workers:
             record = compare(pair, workers, created)
@@ -46,8 +48,11 @@ def main(options: argparse.Namespace) -> int:
         return _stop(str(error), USAGE)
     except FailureError as error:
         record = failed_comparison(pair, error.failure, created)
+    page = options.out / "compare.html"
+    write_comparison(page, record)
     console = terminal()
     print_comparison(console, record, details=options.details)
+    print_text(console, f"Report: {shown_path(page)}")
     if options.json:
         write_whole(options.json, encoded(record, indent=1))
         print(options.json)
@@ -76,6 +81,7 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
         resolution=options.resolution,
         include_constraints=options.include_constraints,
         strict=options.strict,
+        pictured=True,
     )
 
 

@@ -4,8 +4,6 @@ The shell asks `crosscheck` itself, through argcomplete, so engines and built-in
 current.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex

@@ -1,7 +1,5 @@
 """`crosscheck derive`: equations, linearization, modes and errata of a system."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

@@ -1,7 +1,5 @@
 """`crosscheck engines`: installed engines and their capabilities; conformance of an adapter."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -1,7 +1,5 @@
 """Exit codes of the commands."""
 
-from __future__ import annotations
-
 AGREE, DIFFER, USAGE, FAIL = 0, 1, 2, 3
 """All agree; a difference, or an unresolved case; wrong usage, as in argparse; a failure."""
 

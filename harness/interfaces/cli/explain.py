@@ -1,7 +1,5 @@
 """`crosscheck explain`: what a message code means, and what to do."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import sys

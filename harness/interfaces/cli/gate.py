@@ -1,7 +1,5 @@
 """`crosscheck gate`: run changed models, and compare them with accepted results."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex
@@ -19,7 +17,14 @@ from physics_crosscheck.harness.commands.gate.gate import (
 )
 from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.text import code_hint, gate_lines, summary
+from physics_crosscheck.harness.commands.gate.text import (
+    code_hint,
+    gate_lines,
+    headline,
+    remedy,
+    summary,
+    total,
+)
 from physics_crosscheck.harness.modelfiles.folders import (
     FolderError,
     check_engines,
@@ -29,6 +34,7 @@ from physics_crosscheck.harness.modelfiles.robot_targets import models_below, ro
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.diff import Status
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.terminal.console import (
     print_hint,
@@ -36,19 +42,26 @@ from physics_crosscheck.harness.render.terminal.console import (
     terminal,
 )
 from physics_crosscheck.harness.results.github import commands, print_commands, write_summary
+from physics_crosscheck.harness.results.places import shown_path
 from .exit_codes import AGREE, DIFFER, FAIL
 from .targets import resolve_targets, run_options
+
+PAGE_COLUMNS = 110
+"""Width of the remedy on the page."""
 
 
 def main(options: argparse.Namespace) -> int:
     """Run the gate, print and annotate its findings, and write its files."""
     check_engines(options.engines)
+    _check_page(options.out / "gate.html")
     folders, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
     console = terminal()
     lines = gate_lines(result, console.width, _accept_options(options))
     print_status_lines(console, lines)
+    if page := _page(result, options):
+        print(f"Report: {shown_path(page)}")
     print_hint(console, code_hint(result))
     for line in always_lines({one.id.system: one.files for one in result.changes}):
         print(f"crosscheck: {line}", file=sys.stderr)
@@ -59,6 +72,36 @@ def main(options: argparse.Namespace) -> int:
     write_whole(options.out / "summary.md", text)
     write_whole(options.out / "gate.json", encoded(result.record(), indent=1))
     return code(result)
+
+
+def _check_page(page: Path) -> None:
+    """Reject an existing page of another program; a gate without one imports no renderer."""
+    if page.exists():
+        from .report import check_page
+
+        check_page(page)
+
+
+def _page(result: GateResult, options: argparse.Namespace) -> Path | None:
+    """Write the page of a gate in which something ran or changed; remove that of an earlier one."""
+    page: Path = options.out / "gate.html"
+    listed = [one for one in result.changes if one.status is not Status.SAME]
+    if result.results is None and not listed:
+        page.unlink(missing_ok=True)
+        return None
+    from physics_crosscheck.harness.render.html.comparison import write_gate
+
+    accept = [] if result.passes else remedy(result, PAGE_COLUMNS, _accept_options(options))
+    write_gate(
+        page,
+        result.record(),
+        [(one.diff, one.case) for one in listed],
+        result.results,
+        sentence=headline(result),
+        total=total(result),
+        remedy=accept,
+    )
+    return page
 
 
 def _accept_options(options: argparse.Namespace) -> list[str]:

@@ -1,7 +1,5 @@
 """Command parsers: options in groups, help that fits narrow terminals, and "did you mean"."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import textwrap

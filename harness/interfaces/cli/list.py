@@ -1,7 +1,5 @@
 """`crosscheck list`: print the cases of a run without running any."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """`crosscheck mutate`: plant faults in models, and report which ones the check detects."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

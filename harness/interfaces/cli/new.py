@@ -1,7 +1,5 @@
 """`crosscheck new`: create a commented folder that runs, from a model file if one is given."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands of extras and of other packages, which entry points register."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points

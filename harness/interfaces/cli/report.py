@@ -1,7 +1,5 @@
 """`crosscheck report`: the HTML page of existing results."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 `crosscheck run --watch`: run again when a file changes; the cache reuses all other results.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

@@ -8,8 +8,6 @@ folder. The command line overrides the file. Others may have written it, so it c
 which runs code on this machine, and no path outside its folder, where a run would write.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

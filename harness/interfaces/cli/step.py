@@ -1,7 +1,5 @@
 """`crosscheck step`: the error of the time step by engine, and the step for a requested error."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 from pathlib import Path

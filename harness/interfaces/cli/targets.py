@@ -1,7 +1,5 @@
 """Targets of a command line: folders, robot files, and the selection of their cases."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

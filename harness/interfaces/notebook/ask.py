@@ -1,7 +1,5 @@
 """`simulate` and `solve`: one motion of a model in an engine, or of the equations."""
 
-from __future__ import annotations
-
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping

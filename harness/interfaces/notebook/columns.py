@@ -1,7 +1,5 @@
 """Columns of a trajectory: states, outputs and energy of a mechanism."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """`compare`: the comparison of two models of one mechanism, as an object."""
 
-from __future__ import annotations
-
 import datetime
 import math
 import re

@@ -4,8 +4,6 @@ Text and rules inherit the page's colour. A badge has its own background colour 
 outcome in words.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Worker tasks that compute motions: of a model in an engine, and of the equations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`load`: the bodies and joints of a robot's file or of a folder, with their matrices."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Resolve names to a model in its system folder, a folder, or a robot file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike

@@ -4,8 +4,6 @@ A system or robot is prepared once and a model diagnosed once, for all tests tha
 fixture `crosscheck` runs models in tests of a project.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Sequence
 from functools import partial

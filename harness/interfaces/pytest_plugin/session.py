@@ -1,7 +1,5 @@
 """Parts of a pytest session with targets: collection, one runner, a summary."""
 
-from __future__ import annotations
-
 import fnmatch
 import os
 from collections import Counter

@@ -20,8 +20,6 @@ An address stands for one number. Files are parsed, so that comments and look-al
 and the parser's value of a number must equal its bytes.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Callable, Iterable, Iterator

@@ -3,8 +3,6 @@
 Elements are identified by their first byte; all else in the file stays unchanged.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Numbers in Python, by their names at the top level."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tokenize

@@ -1,7 +1,5 @@
 """Numbers in TOML, by keys such as `spring[0].stiffness`."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator

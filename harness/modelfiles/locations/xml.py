@@ -1,7 +1,5 @@
 """Numbers in XML, by paths such as `body[rod]/inertial@pos[2]`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """MJCF files as trees of bodies, from the numbers that an engine compiles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The engine resolves defaults, frames, units and shapes, so each change is compil
 of a number is found by changing it. Numbers of visuals or contacts are changed all at once.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

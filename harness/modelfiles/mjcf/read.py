@@ -4,8 +4,6 @@ The engine resolves includes, defaults, frames, meshes and shapes; the report no
 is not checked. The equations of the bodies are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

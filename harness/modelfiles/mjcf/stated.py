@@ -5,8 +5,6 @@ defaults, shortcuts, units and automatic limits without that compiler, so that n
 shared by the law and the engine. Source: MuJoCo's documentation, XML reference.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ All shortcuts of a class overwrite one drive, in the order of the file. Source: 
 documentation, XML reference, actuator.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """SDFormat files as trees of bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

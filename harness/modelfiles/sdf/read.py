@@ -3,8 +3,6 @@
 Content of an SDFormat file beyond the bodies and joints of one model, counted by kind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
@@ -33,7 +31,7 @@ from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import build_robot, enforceable
 from ..numbers import ModelFile, set_temporarily
-from ..robot import FREE_MIMIC, Note, Omission, Robot, count_notes, refused
+from ..robot import CLOSING, FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {
@@ -83,6 +81,7 @@ def _all(file: SdfFile) -> Iterator[Note]:
     document, model, world = file.document, file.model, file.world
     for joint in file.joints.values():
         yield from _of_joint(joint, file.mimics)
+    yield from ((CLOSING, one.name) for one in file.closing)
     for element in model.children:
         name = element.attributes.get("name", "")
         if any(part.tag == "collision" for part in element.children):

@@ -1,7 +1,5 @@
 """Limits, motors and contacts of a URDF whose laws have settings of an engine."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

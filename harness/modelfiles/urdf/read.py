@@ -3,8 +3,6 @@
 Content of a URDF beyond bodies and joints, counted by kind.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager

@@ -126,7 +126,7 @@ def read_stage(stage: UsdStage, settings: Mapping[str, object]) -> Robot:
     root = stage.stage.GetPseudoRoot()
     if not tree.bodies:
         stage.add_problem(root, "it has no rigid body", "name the layer of a robot", "no joint")
-    return built_robot(
+    robot = built_robot(
         stage,
         name=stage.stage.GetRootLayer().defaultPrim or stage.path.stem,
         root=root,
@@ -148,6 +148,7 @@ def read_stage(stage: UsdStage, settings: Mapping[str, object]) -> Robot:
             **{key: settings[key] for key in STAGE_SETTINGS if settings.get(key)},
         },
     )
+    return replace(robot, selection=", ".join(stage.selection))
 
 
 class StageTree:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -21,6 +21,7 @@ from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
+from physics_crosscheck.harness.results.places import shown_path
 from ..terminal.table import summary
 from . import overview, remedies, systems
 from .cases import SYMBOLS, CaseView
@@ -35,6 +36,7 @@ from .parts import (
     part_of_folder,
     write_parts,
 )
+from .scenes import three_code
 from .text import exact, percent, quantity, sci, shown
 from .view import FolderView, Report, worst_scene
 
@@ -85,13 +87,13 @@ def write_report(path: Path, results: Results) -> None:
     places, names = "", frozenset[str]()
     if len(results.cases) > WHOLE:
         places, names = write_parts(path, _parts(report))
-    write_whole(path, _page(report, places))
+    write_whole(path, page_of_report(report, places))
     forget_parts(path, names)
 
 
 def _parts(report: Report) -> Iterator[CaseFile]:
     """Yield the files of a report's folders and cases."""
-    page = _environment().get_template("part.html")
+    page = environment().get_template("part.html")
 
     def render_views(folder: FolderView, views: Sequence[CaseView]) -> str:
         return page.render(report=report, group=folder, cases=views)
@@ -110,53 +112,97 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
         results: results of a run.
         out: folder of the report, as its commands name it.
     """
-    return _page(Report(results, out))
+    return page_of_report(Report(results, out))
 
 
-def _page(report: Report, places: str = "") -> str:
+def page_of_report(
+    report: Report,
+    places: str = "",
+    name: str = "report.html",
+    sentence: str = "",
+    **more: object,
+) -> str:
     """Return the page of a report.
 
     Args:
         report: its content.
         places: JSON with the file of each case; empty if the page contains all cases.
+        name: name of the template.
+        sentence: headline; empty: the first sentence of the report.
+        more: other variables of the template.
     """
     content, folders = report.content, report.folders.values()
-    scenes = any(view.scene for view in report.cases)
-    script = _inline(_script(plots=bool(content.names), scenes=scenes))
     elsewhere: set[str] = set()
     if places:
         elsewhere = {name for view in report.cases for name in view.packs}
         elsewhere.update(name for folder in folders for name in folder.packs)
-    return template(
-        "report.html",
-        [script, *([content.code] if content.code else [])],
-        bool(places),
-        title=report.sentences[0],
+    return page_of(
+        name,
+        ((name, content.text(name)) for name in content.names if name not in elsewhere),
+        plots=bool(content.names),
+        scenes=any(view.scene for view in report.cases),
+        places=places,
         report=report,
         folders=folders,
-        packs=((name, content.text(name)) for name in content.names if name not in elsewhere),
+        most=ROWS,
+        sentence=sentence or report.sentences[0],
+        **more,
+    )
+
+
+def page_of(
+    name: str,
+    packs: Iterable[tuple[str, str]],
+    *,
+    plots: bool = False,
+    scenes: bool = False,
+    places: str = "",
+    sentence: str,
+    **values: object,
+) -> str:
+    """Return a page with the report's script.
+
+    Args:
+        name: name of the template, `report.html` or one that extends it.
+        packs: ids and texts of its packs.
+        plots, scenes: whether it has plots, and bodies.
+        places: JSON with the file of each case; empty if the page contains all cases.
+        sentence: headline of the page.
+        values: other variables of the template.
+    """
+    script, code = _inline(_script(plots=plots, scenes=scenes)), three_code() if scenes else ""
+    return template(
+        name,
+        [script, *([code] if code else [])],
+        bool(places),
+        title=sentence,
+        packs=packs,
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,
-        most=ROWS,
         places=Markup(_inline(places)),
+        **{"folders": (), "sentence": sentence, **values},
     )
 
 
 def template(
-    name: str, running: Sequence[str] = (), reads: bool = False, /, **values: object
+    page: str | jinja2.Template,
+    running: Sequence[str] = (),
+    reads: bool = False,
+    /,
+    **values: object,
 ) -> str:
     """Fill a template in the report's style.
 
     Args:
-        name: name of the template.
+        page: the template, or its name.
         running: scripts besides the early one; none: no script at all.
         reads: whether the page may load scripts from its folder.
         values: variables of the template.
     """
     return (
-        _environment()
-        .get_template(name)
+        environment()
+        .get_template(page)
         .render(
             style=Markup(_resource("style.css")),
             policy=_policy([EARLY, *running] if running else [], reads),
@@ -166,7 +212,7 @@ def template(
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
     """Return the cached environment, as compiling templates takes longer than filling them."""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
@@ -177,6 +223,7 @@ def _environment() -> jinja2.Environment:
         finalize=safe,
     )
     environment.filters |= {
+        "shown_path": shown_path,
         "exact": exact,
         "mathml": mathml,
         "percent": percent,

@@ -95,14 +95,21 @@ class CaseView:
     @property
     def global_error(self) -> str:
         """Error of the whole motion at the model's time step."""
-        run = self.case.full_run
-        return CHAOTIC if self.chaotic else percent(None if run is None else run.global_error)
+        return CHAOTIC if self.chaotic else percent(self._at_step[0])
+
+    @property
+    def _at_step(self) -> tuple[Number, Number]:
+        """Error at the model's time step, and that step: of the full run, or of the time step."""
+        run, step = self.case.full_run, self.case.time_step
+        if run is not None:
+            return run.global_error, run.time_step
+        is_known = step is not None and step.order and step.finding is None
+        return (step.error, step.step) if step is not None and is_known else (None, None)
 
     @property
     def step(self) -> str:
         """Time step of the model."""
-        run = self.case.full_run
-        return quantity(None if run is None else run.time_step, "s", 3)
+        return quantity(self._at_step[1], "s", 3)
 
     @property
     def reason(self) -> str:
@@ -152,10 +159,10 @@ class CaseView:
     @property
     def sorts(self) -> tuple[Number, ...]:
         """Sort keys of digits, E, U, global error and step; missing values sort as worst."""
-        verdict, run, worst = self.case.verdict, self.case.full_run, None
+        verdict, worst = self.case.verdict, None
         if verdict and self.judged and verdict.largest_uncertainty is not None:
             worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty)
-        return worst, *self.sizes, *((run.global_error, run.time_step) if run else (None, None))
+        return worst, *self.sizes, *self._at_step
 
 
 def severity(case: Case) -> tuple[int, float]:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.finding import Explanation
+from physics_crosscheck.harness.records.finding import AuditFinding, Explanation
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.results.causes import BEGIN_WITH_AUDIT, cause_sentences
 from physics_crosscheck.harness.results.next_steps import (
@@ -79,12 +79,12 @@ def sentence(model: Model) -> str:
     """Return the cause in one sentence, or other findings without one."""
     diagnosis = model.diagnosis
     if diagnosis is None:
-        return model.findings[0].message if model.findings else ""
+        return next((placed_message(one) for one in model.findings), "")
     best = diagnosis.best
     if findings := model.unexplained_findings:
         more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
         advice = BEGIN_WITH_AUDIT[0].upper() + BEGIN_WITH_AUDIT[1:]
-        return f"{advice}: {findings[0].message}{more}."
+        return f"{advice}: {placed_message(findings[0])}{more}."
     if best is None:
         return f"Not diagnosed: {diagnosis.failure or 'no hypothesis fits'}."
     if not diagnosis.explained:
@@ -94,6 +94,12 @@ def sentence(model: Model) -> str:
         )
     steps = [f" {text[0].upper()}{text[1:]}." for text in advice_of(model, best.causes)]
     return f"{' and '.join(_statements(model, best))}.{''.join(steps)}"
+
+
+def placed_message(finding: AuditFinding) -> str:
+    """Return a finding with its line, if it has one."""
+    place = short_places([finding.location])
+    return f"{place}: {finding.message}" if place else finding.message
 
 
 def _statements(model: Model, explanation: Explanation) -> Iterator[str]:

@@ -6,11 +6,14 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from physics_crosscheck.harness.records.case import ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.results.failure import advice_lines
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
     collect_issues,
@@ -180,7 +183,8 @@ def verdict(results: Results, collect_issues: Sequence[IssueView]) -> str:
     sentence = f"{sentence[0].upper()}{sentence[1:]}."
     if fixes := sum(len(one.remedy.changes) for one in collect_issues):
         return f"{sentence} {counted(fixes, 'number')} to change."
-    return sentence if collect_issues else f"{sentence} Nothing to change."
+    has_advice = any(model.advice for model in results.models)
+    return sentence if collect_issues or has_advice else f"{sentence} Nothing to change."
 
 
 def standing_out(views: Iterable[CaseView]) -> Iterator[tuple[CaseView, str, str]]:
@@ -192,12 +196,27 @@ def standing_out(views: Iterable[CaseView]) -> Iterator[tuple[CaseView, str, str
     if agreeing:
         weakest = max(agreeing, key=lambda view: view.sorts[0] or 0.0)
         yield weakest, "fewest agreeing digits", weakest.digits
-    if comparable := [view for view in agreeing if view.case.full_run and not view.chaotic]:
+    timed = [view for view in agreeing if view.sorts[3] is not None or view.case.full_run]
+    if comparable := [view for view in timed if not view.chaotic]:
         dearest = max(comparable, key=lambda view: view.sorts[3] or 0.0)
         yield dearest, f"largest error at dt ({dearest.step})", dearest.global_error
     if chaotic := [view for view in agreeing if view.chaotic]:
         what = "chaotic motions, which no time step follows to the end"
         yield chaotic[0], what, str(len(chaotic))
+
+
+def implausible(models: Iterable[Model]) -> list[tuple[str, int, list[str], list[str]]]:
+    """Return each file with implausible numbers: its name, their number, a short list, and all."""
+    files = {(model.folder, model.model): model.advice for model in models if model.advice}
+    rows = []
+    for (_, name), advice in files.items():
+        named = [
+            replace(one, location=where and replace(where, file=where.file.rpartition("/")[2]))
+            for one in advice
+            for where in [one.location]
+        ]
+        rows.append((name, len(named), advice_lines(named), advice_lines(named, details=True)))
+    return rows
 
 
 MODEL_NOTES = frozenset({"reach", "unresolved", "rounded", "pose"})
@@ -248,8 +267,8 @@ class Cell:
     @property
     def global_error(self) -> str:
         """The largest global error of motions that a time step can follow."""
-        runs = [view.case.full_run for view in self.cases if view.judged and not view.chaotic]
-        errors = [run.global_error for run in runs if run and run.global_error is not None]
+        cases = [view for view in self.cases if view.judged and not view.chaotic]
+        errors = [error for view in cases if (error := view.sorts[3]) is not None]
         if not errors and any(view.chaotic for view in self.cases):
             return CHAOTIC
         return percent(max(errors, default=None))

@@ -69,18 +69,19 @@ def print_properties(
     _print_all(console, "differences that these motions leave out", without_effect)
 
 
-def law_lines(rows: Sequence[ComparedProperty]) -> list[str]:
-    """Return a line per number of the laws that differs, with its effect; equal ones share one."""
+def law_lines(rows: Sequence[ComparedProperty], *, is_short: bool = False) -> list[str]:
+    """Return a line per number of the laws that differs, if not short with its effect."""
     alike: dict[tuple[str, str], list[ComparedProperty]] = {}
     for row in rows:
         head, _, tail = row.message.partition(f" of {row.about}: ")
         if not tail:  # only one file has it
             head, tail = "", row.message.removeprefix(f"{row.about}: ")
-        alike.setdefault((head, f"{tail}; {law_effect(row)}"), []).append(row)
+        effect = "" if is_short and row.effect else f"; {law_effect(row)}"
+        alike.setdefault((head, tail + effect), []).append(row)
     lines = []
     for (head, tail), equal in alike.items():
         names = listed([row.about for row in equal], MAX_NAMES)
-        lines.append(f"{_where(equal[0])}{head and f'{head} of '}{names}: {tail}")
+        lines.append(f"{_where(equal[0], is_short)}{head and f'{head} of '}{names}: {tail}")
     return lines
 
 
@@ -113,8 +114,10 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
         console.print(f"  and {len(lines) - MAX_ROWS} more, see --json")
 
 
-def _folded_rows(rows: Sequence[ComparedProperty]) -> list[str]:
-    """Return a line per difference; equal ones of several joints and minor ones share a line."""
+def _folded_rows(
+    rows: Sequence[ComparedProperty], others: Sequence[str] = (), *, is_short: bool = False
+) -> list[str]:
+    """Return a line per difference, then other lines; equal and minor ones share a line."""
     minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
     alike: dict[tuple[str, str], list[str]] = {}
     for row in rows:
@@ -123,19 +126,24 @@ def _folded_rows(rows: Sequence[ComparedProperty]) -> list[str]:
         about = f" of joint {row.about}: "
         head, middle, tail = row.message.partition(about)
         key = (head, tail) if row.about and middle else (row.message, "")
-        alike.setdefault(key, []).append(_where(row) + row.message)
+        alike.setdefault(key, []).append(_where(row, is_short) + row.message)
     lines = [
         own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
         for (head, tail), own in alike.items()
     ]
+    lines += others
     if minor:
         lines.append(minor_line(len(minor)).strip())
     return lines
 
 
-def _where(row: ComparedProperty) -> str:
-    """Return the line in A, and the one in B if it differs."""
-    lines = [line_name(where) for where in (row.where_a, row.where_b) if where is not None]
+def _where(row: ComparedProperty, is_short: bool = False) -> str:
+    """Return the line in A, and the one in B if it differs; `A:4, B:7` if short."""
+    lines = [
+        f"{side}:{where.line}" if is_short and where.line else line_name(where)
+        for side, where in (("A", row.where_a), ("B", row.where_b))
+        if where is not None
+    ]
     shown = ", ".join(dict.fromkeys(lines))
     return f"{shown}  " if shown else ""
 
@@ -202,7 +210,7 @@ def print_comparison(
     elif not details and _is_stated(compared):
         _print_brief(console, comparison, compared)
     else:
-        for line in _print_outcome(console, comparison, compared):
+        for line in filter(None, _print_outcome(console, comparison, compared)):
             print_text(console, line)
         if compared.rounding is not None:
             compared = replace(compared, properties=(), differences=(), laws=None, acting=())
@@ -226,9 +234,9 @@ def _is_stated(compared: Compared) -> bool:
 
 def _print_brief(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
     """Print the verdict, what got lost or changed from A to B, and the motions' difference."""
-    motions = _print_outcome(console, comparison, compared)
+    fix, *motions = _print_outcome(console, comparison, compared)
     if compared.rounding is None:
-        _print_stated(console, comparison, compared)
+        _print_stated(console, comparison, compared, fix)
     for line in motions[:1]:
         print_text(console, line.strip())
     ok = [model for model in comparison.models if model.case and model.case.passes]
@@ -245,18 +253,23 @@ def _print_brief(console: Console, comparison: ComparisonResult, compared: Compa
         print_text(console, line)
 
 
-def _print_stated(console: Console, comparison: ComparisonResult, compared: Compared) -> None:
-    """Print the differences of the files, and what they act as; of a single one its texts."""
+def _print_stated(
+    console: Console, comparison: ComparisonResult, compared: Compared, fix: str
+) -> None:
+    """Print the differences of the files, the remedy, and what the differences act as."""
     moving = [one for one in compared.properties if one.moves]
     others = [one for one in compared.properties if not one.moves]
-    lines = [*_folded_rows(moving), *law_lines(compared.laws or ()), *_folded_rows(others)]
+    laws = law_lines(compared.laws or (), is_short=True)
+    lines = _folded_rows(moving, [*laws, *_folded_rows(others, is_short=True)], is_short=True)
     if len(lines) > 1:
         console.print("lost or changed from A to B, by the files")
         for line in lines[:MAX_BRIEF]:
             print_text(console, f"  {line}")
         if len(lines) > MAX_BRIEF:
             console.print(f"  and {len(lines) - MAX_BRIEF} more; --details lists them")
-    elif compared.decisive is None:
+    if fix:
+        print_text(console, fix)
+    if len(lines) <= 1 and compared.decisive is None:
         if not lines:
             _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, _without_laws(compared))
@@ -380,37 +393,42 @@ def _not_compared(compared: Compared) -> str:
 
 
 def _print_outcome(console: Console, comparison: ComparisonResult, compared: Compared) -> list[str]:
-    """Print the verdict with the first cause and the remedy; return lines on the motions."""
-    outcome, lead = comparison.outcome, f"{WORDS[comparison.outcome]}  "
-    size = f"{_size(compared.discrepancy)}, uncertainty {_size(compared.uncertainty)}"
+    """Print the verdict with the first cause; return the remedy, and lines on the motions."""
+    outcome = comparison.outcome
+    text, remedy, motions = verdict_sentences(comparison, compared)
+    text = text if outcome is Outcome.AGREES else with_code(comparison.code, text)
+    print_wrapped(console, text, lead=f"{WORDS[outcome]}  ", style=STYLES[outcome], indent=2)
+    return [remedy and f"Fix: {remedy}", *(f"  {line}" for line in motions)]
+
+
+def verdict_sentences(
+    comparison: ComparisonResult, compared: Compared
+) -> tuple[str, str, list[str]]:
+    """Return the verdict with the first cause, the remedy or "", and lines on the motions."""
+    outcome, size = comparison.outcome, _size(compared.discrepancy)
+    size = f"{size}, uncertainty {_size(compared.uncertainty)}"
     names = [Path(model.model).name for model in comparison.models]
     if outcome is Outcome.AGREES:
         engines = " and ".join(dict.fromkeys(model.engine for model in comparison.models))
         both = " and ".join(dict.fromkeys(names))
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
-        text = f"{move}: difference {size}"
-        if compared.rounding is not None:
-            rounded = f"numbers differ by up to {_size(compared.rounding)}, rounding to six digits"
-            text = f"{both}: {rounded}; motions differ by {size}"
-        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
-        return []
+        if compared.rounding is None:
+            return f"{move}: difference {size}", "", []
+        is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
+        digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
+        rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
+        return f"{both}: {rounded}; motions differ by {size}", "", []
     if compared.decisive is not None:
         share = f" ({law_effect(compared.decisive)})" if compared.decisive.kind == "law" else ""
         cause, remedy = _property_cause(compared.decisive, share, names)
-        text = with_code(comparison.code, cause)
-        print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
-        if remedy:
-            print_text(console, f"Fix: {remedy}")
-        return [f"  motions without such forces are alike: difference {size}"]
+        return cause, remedy, [f"motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = with_code(comparison.code, _own_cause(comparison) or cause or comparison.reason)
-    print_wrapped(console, text, lead=lead, style=STYLES[outcome], indent=2)
+    text = _own_cause(comparison) or cause or comparison.reason
     if outcome is not Outcome.DIFFERS:
-        return [f"  difference {size}, on {compared.component}"]
-    if remedy:
-        print_text(console, f"Fix: {remedy}")
-    several = [f"  by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
-    return [f"  motions differ by {size}, on {compared.component}", *several]
+        return text, "", [f"difference {size}, on {compared.component}"]
+    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
+    motions = [f"motions differ by {size}, on {compared.component}", *several]
+    return text, remedy, motions
 
 
 def _cause(compared: Compared, names: Sequence[str]) -> tuple[str, str]:
@@ -490,8 +508,17 @@ def _explained_share(compared: Compared, count: int) -> str:
     """Return the share of a difference that the properties explain, or ""."""
     if compared.explained is None or compared.explained <= 0:
         return ""
-    others = f" with {counted(count - 1, 'other difference')}" if count > 1 else ""
+    others = f" with {counted(count - 1, 'other')}" if count > 1 else ""
     return f" ({_share(compared.explained)} of the difference{others})"
+
+
+def values_of(row: ComparedProperty) -> tuple[str, str, str]:
+    """Return the name of a property and its values in A and B; "" if the sentence has no values."""
+    match = VALUES.fullmatch(row.message)
+    if match is None:
+        return "", "", ""
+    subject, what, here, there, _ = match.groups()
+    return f"{what.strip()} of {subject}" if what else subject, here, there
 
 
 def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> tuple[str, str]:
@@ -501,11 +528,9 @@ def _property_cause(row: ComparedProperty, share: str, names: Sequence[str]) -> 
     )
     if row.where_a is not None and row.where_b is not None:
         a, b = _line_names(row.where_a, row.where_b)
-    match = VALUES.fullmatch(row.message)
-    if match is None:
+    label, here, there = values_of(row)
+    if not label:
         return f"{a}, {b}: {row.message}{share}", ""
-    subject, what, here, there, _ = match.groups()
-    label = f"{what.strip()} of {subject}" if what else subject
     cause = f"{a} {label}: {here}, {b}: {there}{share}"
     if row.remedy or {"none", "some"} & {here, there}:
         return cause, row.remedy

@@ -61,11 +61,10 @@ class ModelRow:
     status: Text
 
 
-def print_matrix(console: Console, results: Results) -> None:
-    """Print a row for each target, or each model of a single one, and a column for each engine.
+def engine_cells(results: Results) -> dict[str, dict[str, tuple[Outcome, str]]]:
+    """Return the worst outcome of each target or model by engine, and its text.
 
-    A cell has the digits to which the engine follows the files, or what goes wrong; the worst rows
-    come first. Where the columns do not fit, each name has its own line.
+    The text is the digits to which the engine follows the file, or what goes wrong.
     """
     single = len({case.folder for case in results.cases}) == 1
     rows: dict[str, dict[str, list[Case]]] = {}
@@ -74,10 +73,19 @@ def print_matrix(console: Console, results: Results) -> None:
         name = visible(case.model if single else shown_path(case.folder))
         rows.setdefault(name, {}).setdefault(case.engine, []).append(case)
     faulty = {one.key for one in results.models if one.findings and not one.accepted}
-    cells = {
+    return {
         name: {engine: _cell(cases, faulty) for engine, cases in row.items()}
         for name, row in rows.items()
     }
+
+
+def print_matrix(console: Console, results: Results) -> None:
+    """Print a row for each target, or each model of a single one, and a column for each engine.
+
+    A cell has the digits to which the engine follows the files, or what goes wrong; the worst rows
+    come first. Where the columns do not fit, each name has its own line.
+    """
+    cells = engine_cells(results)
     worst = {name: max(one[0].severity for one in row.values()) for name, row in cells.items()}
     shown = sorted(cells, key=lambda name: -worst[name])[:MAX_ROWS]
     engines = [one for one in dict.fromkeys(case.engine for case in results.cases) if one != "-"]
@@ -98,7 +106,7 @@ def print_matrix(console: Console, results: Results) -> None:
             line.append(GAP).append(f"{engine} " if narrow and text else "")
             line.append(text if narrow else text.ljust(width), STYLES[outcome])
         _print_line(console, line)
-    if hidden := len(rows) - len(shown):
+    if hidden := len(cells) - len(shown):
         _print_note(console, f"{counted(hidden, 'more row')}; --details shows every model")
 
 

@@ -284,6 +284,7 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
             print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
     lines = [
         *time_step_lines(results.cases),
+        *creep_lines(results),
         *event_lines(results.cases),
         *whole_step_lines(results.cases, details=False),
     ]
@@ -473,6 +474,9 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+LEAST_CREEP = 1e-3
+"""Speed of a contact that sticks above which it creeps, m/s."""
+
 OFF = 0.01
 """Error of a time step above which several files are counted."""
 
@@ -571,6 +575,18 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
         f"time step{f' in {listed(names, 9)}' if len(errors) > 1 else ''}: {text}"
         for text, names in steps.items()
     ]
+
+
+def creep_lines(results: Results) -> list[str]:
+    """Return the fastest creep of contacts that stick, of one file that agrees in some engine."""
+    rows = [(row.value, row, m) for m in results.models for row in m.acting if row.value]
+    creeps = [one for one in rows if one[1].quantity == "creep" and not one[1].declared]
+    if not creeps or len({(m.folder, m.model) for *_, m in creeps}) > 1:
+        return []
+    speed, row, model = max(creeps, key=lambda one: one[0])
+    if speed < LEAST_CREEP:
+        return []
+    return [f"creep in {model.engine}: {1e3 * speed:.2g} mm/s ({row.subject}; {row.rule})"]
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:

@@ -1,7 +1,5 @@
 """The model in which mistakes are planted, with the properties that the families need."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

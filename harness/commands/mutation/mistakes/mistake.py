@@ -1,7 +1,5 @@
 """Mistakes as data: the edits, and the causes that are right."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

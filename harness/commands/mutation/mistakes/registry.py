@@ -1,7 +1,5 @@
 """Known mistakes, by family, in their order in reports."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress

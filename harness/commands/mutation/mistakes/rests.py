@@ -1,7 +1,5 @@
 """Springs with a wrong rest position."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

@@ -19,7 +19,6 @@ class Clock {
   }
 }
 
-const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(5)).toString() : "–");
 const waiting = new Map();
 const near = new IntersectionObserver((entries) => {
   for (const { isIntersecting, target } of entries) {

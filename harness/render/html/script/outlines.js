@@ -71,13 +71,13 @@ function formsOf(scene, index) {
     .map((form) => (form.kind === "mesh" ? { ...form, size: meshOf(scene.meshes[form.mesh]) } : form));
   if (forms.length) return forms;
   const first = scene.bodies.findIndex(({ joint }) => joint === body.joint) === index;
-  const bones = !first ? [] : scene.joints.map(({ parent }, i) => [parent, scene.placements[i].slice(0, 3)])
+  const bones = !first ? [] : scene.joints.map(({ parent }, i) => [parent, (scene.home?.length ? scene.home : scene.placements)[i].slice(0, 3)])
     .filter(([parent, end]) => parent === body.joint && parent >= 0 && Math.hypot(...end) > 0)
     .map(([, end]) => ({ kind: "bone", size: end, place: ORIGIN }));
   return [...bones, ...inertiaOf(body)];
 }
 
-/** Return the scene with a dot for each body that the cause names and that has no form. */
+/** Return the scene with a dot for each lit body that has no form. */
 function withDots(scene, states) {
   const bodies = scene.bodies.map((body, i) => (states?.lit.includes(i) && !formsOf(scene, i).length
     ? { ...body, shapes: [{ kind: "sphere", size: [0.02 * (scene.length || 1)], place: ORIGIN }] } : body));
@@ -208,6 +208,7 @@ class Projection {
     for (const { poses, ghost, tone } of layers) {
       pen.setLineDash(ghost ? [5, 3] : []);
       poses.forEach((pose, body) => {
+        if (!tone(body)) return;
         pen.strokeStyle = this.colours[tone(body)];
         pen.lineWidth = tone(body) === "lit" ? 2.4 : 1.2;
         this.#stroke(this.lines[body], pose, project);

@@ -1,16 +1,15 @@
-/** Number of rows shown initially; the page contains the others hidden. */
-const MOST = Number(document.getElementById("cases").dataset.most);
-
 /** Make the list of cases sortable and filterable, and apply the filter to the matrix. */
 function overview() {
   const table = document.getElementById("cases");
+  if (!table) return;
   const body = table.tBodies[0];
   const rows = [...body.rows].map((row, place) => ({ row, place, text: row.textContent.toLowerCase() }));
   const byRow = new Map(rows.map((each) => [each.row, each]));
   const field = (id) => document.getElementById(id);
   const choices = ["outcome", "system", "engine"].map((name) => [name, field(`filter-${name}`)]);
   const search = field("search"), matching = field("matching"), all = field("all");
-  let most = MOST;
+  const first = Number(table.dataset.most); // the page contains the other rows hidden
+  let most = first;
 
   function filter() {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
@@ -34,7 +33,7 @@ function overview() {
     let left = most;
     for (const row of [...body.rows]) row.hidden = !byRow.get(row).chosen || left-- <= 0;
     all.hidden = count <= most;
-    all.textContent = `Show all ${count}, not ${most}`;
+    all.textContent = `Show all ${count}, not ${first}`;
   }
 
   function sort(head, place) {

@@ -46,6 +46,9 @@ async function filled(own, chart) {
   return { ...chart, curves: await Promise.all(curves) };
 }
 
+/** Return a number in five digits. */
+const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(5)).toString() : "–");
+
 const SVG = "http://www.w3.org/2000/svg";
 
 /** Create an element with attributes and children; strings become text. */

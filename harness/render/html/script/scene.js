@@ -8,7 +8,8 @@ class Viewer {
   constructor(element, scene, states, drawing) {
     Object.assign(this, { element, data: scene, states, drawing, chosen: -1, listeners: new Set(), playing: false });
     this.mechanism = new Mechanism(scene, states);
-    this.lit = new Set(states?.lit ?? []);
+    this.lit = new Set((states ?? scene.overlaid)?.lit ?? []);
+    this.alone = ""; // of two robots, the one that is shown
     this.hovered = new Set();
     this.ovals = inertias(scene, states).map((oval) => ({ ...oval, points: surroundings([...oval.stated, ...oval.engine]) }));
     this.forces = true;
@@ -93,8 +94,10 @@ class Viewer {
     this.#fit();
     const glow = this.playing ? Math.sin((performance.now() * Math.PI) / 600) : 0;
     const mark = (body) => (this.hovered.has(body) || body === this.chosen ? "chosen" : this.lit.has(body) ? "lit" : null);
-    const [expected, engine] = this.poses();
-    const layers = [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }];
+    const [expected, engine] = this.poses(), { overlaid } = this.data;
+    const layers = !overlaid ? [{ poses: expected, ghost: false, glow, tone: (body) => mark(body) ?? "body" }]
+      : ["body", "second"].map((tone, i) => ({ poses: expected, ghost: i > 0 && !this.alone, glow,
+        tone: (body) => ((body >= overlaid.second) === (i > 0) && (!this.alone || this.alone === tone) ? mark(body) ?? tone : null) }));
     if (engine) layers.push({ poses: engine, ghost: true, glow, tone: (body) => mark(body) ?? "engine" });
     const floats = this.data.joints.some(({ parent, twists }) => parent < 0 && twists.length === 6);
     this.drawing.floor(this.floor, !floats || this.state >= (this.mechanism.acting ? this.mechanism.wholeStep : this.mechanism.home));
@@ -164,9 +167,10 @@ async function buildScene(box) {
   if (box.dataset.built) return;
   box.dataset.built = "begun";
   const states = box.dataset.states ? await pack(box.dataset.states) : null;
-  const scene = withDots((await pack(box.dataset.scene)).scene, states);
+  const { scene: bodies, overlaid } = await pack(box.dataset.scene);
+  const scene = { ...withDots(bodies, states ?? overlaid), overlaid };
   const style = getComputedStyle(box);
-  const colours = Object.fromEntries(["body", "engine", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive", "grid", "x", "y", "z"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  const colours = Object.fromEntries(["body", "engine", "second", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive", "grid", "x", "y", "z"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const plain = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
   const solid = (await three()) && graphics(plain), canvas = solid?.canvas ?? plain;
   const drawing = new (solid ? Solids : Projection)(scene, states, colours, solid ?? { canvas });
@@ -286,19 +290,23 @@ function sceneControls(viewer) {
     link.value = viewer.chosen;
     inertia.value = viewer.inertia;
   });
-  const rows = [make("div", { class: "row" }, play, time.row), make("div", { class: "row" }, ...(viewer.states ? [worst] : []), state.row), ...(mechanism.differs ? [power.row] : []),
-    make("div", { class: "row" }, make("label", {}, "Link ", link), make("label", {}, "Inertia ", inertia),
+  const { overlaid } = data, alone = make("select", {}, make("option", { value: "" }, "both"), ...["body", "second"].map((value, i) => make("option", { value }, "AB"[i])));
+  alone.addEventListener("change", () => viewer.set({ alone: alone.value }));
+  const moving = overlaid ? [] : [make("div", { class: "row" }, play, time.row), make("div", { class: "row" }, ...(viewer.states ? [worst] : []), state.row)];
+  const rows = [...moving, ...(mechanism.differs ? [power.row] : []),
+    make("div", { class: "row" }, ...(overlaid ? [make("label", {}, "Robot ", alone)] : []), make("label", {}, "Link ", link), make("label", {}, "Inertia ", inertia),
       ...(acting ? [make("label", {}, toggle("forces"), " Contacts, limits, drives")] : []))];
   const solid = viewer.states?.inertias.length;
-  const keys = ["body", ...(mechanism.differs ? ["engine"] : []), ...(acting ? ["contact", "limit", "drive"] : []), "inertia", ...(solid ? ["solid"] : [])];
-  const names = { body: "equations", engine: "engine", inertia: "inertia by the equations", solid: "inertia in the engine", contact: "contact", limit: "beyond a limit", drive: "drive; thick: at its limit" };
+  const keys = ["body", ...(overlaid ? ["second"] : []), ...(mechanism.differs ? ["engine"] : []), ...(acting ? ["contact", "limit", "drive"] : []), "inertia", ...(solid ? ["solid"] : [])];
+  const [ours, theirs] = overlaid ? overlaid.names.map((name, i) => `${"AB"[i]}: ${name}`) : ["equations"];
+  const names = { body: ours, second: theirs, engine: "engine", inertia: "inertia by the equations", solid: "inertia in the engine", contact: "contact", limit: "beyond a limit", drive: "drive; thick: at its limit" };
   const shown = new Map(keys.map((key) => [key, make("span", { class: `key ${key}` }, names[key])]));
   viewer.listeners.add(() => {
     for (const key of ["inertia", "solid"]) shown.get(key)?.toggleAttribute("hidden", !viewer.inertia);
     for (const key of ["contact", "limit", "drive"]) shown.get(key)?.toggleAttribute("hidden", !viewer.acting || !viewer.forces);
   });
   return make("div", { class: "steering" }, ...rows, make("p", { class: "keys" }, ...shown.values(),
-    ...(viewer.lit.size ? [make("span", { class: "key lit" }, "named by the cause")] : [])), words, ...unlikeInertias(viewer));
+    ...(viewer.lit.size ? [make("span", { class: "key lit" }, overlaid ? "differs" : "named by the cause")] : [])), words, ...unlikeInertias(viewer));
 }
 
 /** Return the largest extent of points along an axis. */
@@ -400,5 +408,6 @@ function heatMap(viewer) {
     const [e, u] = [error[row][viewer.state], uncertainty[row][viewer.state]];
     readout.textContent = viewer.state === viewer.mechanism.home ? "The picture shows the pose as drawn." : viewer.state >= count ? "The picture shows a whole step." : `${coordinates[row]} at state ${viewer.state + 1}: E ${e?.toExponential(1) ?? "–"}, U ${u?.toExponential(1) ?? "–"}`;
   });
-  return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
+  const keys = [["below", "E below U: agrees"], ["above", "E above U: differs; stronger up to 10⁹ times U"]].map(([name, text]) => make("span", { class: `key ${name}` }, text));
+  return make("section", { class: "errors" }, make("h4", {}, "Error over uncertainty, by coordinate and state"), make("p", { class: "keys" }, ...keys), make("div", { class: "rows" }, make("ul", { "aria-hidden": "true" }, ...coordinates.map((name) => make("li", { title: name }, name))), frame), readout);
 }

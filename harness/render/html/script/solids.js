@@ -140,10 +140,10 @@ class Solids {
   }
 
   #place(group, layer, body, inside) {
-    group.visible = Boolean(layer);
-    if (!layer) return;
+    const { material } = group.userData, tone = layer?.tone(body);
+    group.visible = Boolean(tone);
+    if (!tone) return;
     this.#pose(group, layer.poses[body]);
-    const { material } = group.userData, tone = layer.tone(body);
     material.color.copy(this.colours[tone]);
     if (tone === "lit") material.emissive.copy(this.colours.lit); else material.emissive.set(0);
     material.emissiveIntensity = 0.35 + 0.25 * layer.glow;

@@ -1,0 +1,138 @@
+"""USD robots of public converters, against their sources and in an engine.
+
+`python -m campaigns.usd_robots DIR --menagerie CLONE --tools VENV/bin` converts ten MJCFs of a
+clone of google-deepmind/mujoco_menagerie and five URDFs of pybullet_data, by `mujoco_usd_converter`
+and `urdf_usd_converter` of another environment, since these carry an OpenUSD of their own. Without
+`--tools`, it checks what DIR already has: a folder for each robot, with `usd/*.usda` in it, and a
+source beside that. USD files without a source are only run. Nothing is committed.
+
+The table has the exit code, outcomes and codes of `compare` and `run` for each robot, and the first
+line that does not agree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from campaigns.real_models.packages import folder_of
+
+MENAGERIE = (
+    "kuka_iiwa_14/iiwa14.xml", "universal_robots_ur5e/ur5e.xml", "franka_emika_panda/panda.xml",
+    "ufactory_xarm7/xarm7.xml", "unitree_h1/h1.xml", "unitree_g1/g1.xml", "booster_t1/t1.xml",
+    "unitree_go2/go2.xml", "anybotics_anymal_c/anymal_c.xml", "shadow_hand/right_hand.xml",
+)  # fmt: skip
+URDFS = (
+    "franka_panda/panda.urdf", "kuka_iiwa/model.urdf", "a1/a1.urdf", "laikago/laikago_toes.urdf",
+    "xarm/xarm6_robot.urdf",
+)  # fmt: skip
+USD = (".usd", ".usda", ".usdc", ".usdz")
+
+
+class UsdRobot(NamedTuple):
+    """A USD file, and its source; None without one."""
+
+    usd: Path
+    source: Path | None
+
+    @property
+    def name(self) -> str:
+        """Name of the robot: that of its folder if it has a source."""
+        return self.usd.stem if self.source is None else self.source.parent.name
+
+
+def convert(source: Path, tools: Path, folder: Path) -> str:
+    """Copy a robot's folder and convert it there; return the converter's last words on failure."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(source.parent, folder)
+    (folder / "source").write_text(source.name, encoding="utf-8")
+    program = "urdf_usd_converter" if source.suffix == ".urdf" else "mujoco_usd_converter"
+    done = subprocess.run(
+        [tools / program, source.name, "usd"],
+        cwd=folder, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    (folder / "convert.log").write_text(done.stdout + done.stderr, encoding="utf-8")
+    return (done.stderr or done.stdout).strip()[-200:] if done.returncode else ""
+
+
+def robots_in(folder: Path) -> Iterator[UsdRobot]:
+    """Yield the converted robots of a folder, and its other USD files with a rigid body."""
+    for path in sorted(one for one in folder.rglob("*") if one.suffix in USD):
+        home = path.parent.parent
+        if path.parent.name == "usd" and (home / "source").is_file():
+            yield UsdRobot(path, home / (home / "source").read_text(encoding="utf-8"))
+        elif not any((one / "source").is_file() for one in path.parents) and _has_bodies(path):
+            yield UsdRobot(path, None)
+
+
+def _has_bodies(path: Path) -> bool:
+    """Return whether a layer states rigid bodies, which a pointer of Git LFS does not."""
+    data = path.read_bytes()
+    if data.startswith(b"version https://git-lfs"):
+        print(f"{path}: only a pointer of Git LFS", file=sys.stderr)
+    return b"RigidBodyAPI" in data
+
+
+def command(*words: object) -> tuple[int, str]:
+    """Return the exit code and the output of `crosscheck`; 124 after ten minutes."""
+    with tempfile.TemporaryDirectory() as out:
+        words = (sys.executable, "-m", "physics_crosscheck", *words)
+        words += ("--out", out) if "run" in words else ()
+        try:
+            done = subprocess.run(
+                [str(word) for word in words],
+                capture_output=True, text=True, timeout=600, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return 124, ""
+    return done.returncode, done.stdout + done.stderr
+
+
+def summary(code: int, text: str) -> str:
+    """Return a cell: exit code, outcomes, message codes, and the first line that fails."""
+    outcomes = Counter(re.findall(r"^(AGREES|DIFFERS|UNRESOLVED|ERROR|PASS|FAIL)", text, re.M))
+    codes = Counter(re.findall(r"\bXC\d{3}\b", text))
+    counts = [f"{count} {name}" for name, count in (*outcomes.items(), *codes.items())]
+    bad = re.search(r"^(?:DIFFERS|FAIL|ERROR|UNRESOLVED|error).*", text, re.M)
+    words = "" if bad is None else f"; {bad[0].strip()[:160]}"
+    return f"{code}: {', '.join(counts)}{words}".replace("|", "/")
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Convert robots, and print a row for each."""
+    parser = argparse.ArgumentParser(prog="python -m campaigns.usd_robots", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument("--menagerie", type=Path, help="clone of mujoco_menagerie")
+    parser.add_argument("--tools", type=Path, help="folder with the converters' programs")
+    parser.add_argument("--engine", default="newton")
+    parser.add_argument("--save", type=Path, help="file for all output, as JSON")
+    chosen = parser.parse_args(given)
+    sources = [chosen.menagerie / one for one in MENAGERIE if chosen.menagerie]
+    urdfs = folder_of("pybullet")
+    sources += [urdfs / one for one in URDFS if urdfs]
+    for source in sources if chosen.tools else ():
+        failure = convert(source, chosen.tools.absolute(), chosen.folder / source.stem)
+        print(f"{source}: {failure or 'converted'}", file=sys.stderr, flush=True)
+    print(f"| robot | compare | {chosen.engine} |\n|---|---|---|", flush=True)
+    saved = {}
+    for robot in robots_in(chosen.folder):
+        compared = command("compare", robot.source, robot.usd) if robot.source else (0, "")
+        run = command("run", robot.usd, "--engine", chosen.engine)
+        saved[str(robot.usd)] = {"compare": compared, "run": run}
+        print(f"| {robot.name} | {summary(*compared)} | {summary(*run)} |", flush=True)
+    if chosen.save:
+        chosen.save.write_text(json.dumps(saved, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

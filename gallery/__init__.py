@@ -1,0 +1,1 @@
+"""The gallery: public robots in every engine, as one site."""

@@ -1,0 +1,116 @@
+"""Run public robots in every installed engine, and write the results as a site.
+
+`python -m gallery` fetches the files of `robots.toml`, runs `crosscheck run` on each, compares the
+formats of each robot, and writes the site. Finished robots are kept, with the versions of program
+and engines: an interrupted run continues, and other versions run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from physics_crosscheck.harness.baseline.fingerprint import versions
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from .robots import ROBOTS, SOURCE, RobotFile, robot_files
+from .site import COMPARISON, Done, Entry, write_site
+
+PROGRAM = (sys.executable, "-m", "physics_crosscheck")
+
+DONE = "done.json"
+"""Written last into the folder of a file."""
+
+
+def run(file: RobotFile, path: Path, store: Path, jobs: str) -> None:
+    """Run a file in every engine."""
+    out = store / file.slug
+    words = ["run", file.path]
+    root = path.parents[len(Path(file.path).parts) - 1]
+    subprocess.run(
+        [*PROGRAM, *words, "--quiet", "--jobs", jobs, "--out", str(out)], cwd=root, check=False
+    )
+    try:
+        results = read_results(out / "results.json")
+    except (ResultsError, OSError) as error:
+        print(f"{file.slug}: no results: {error}", flush=True)
+        return
+    command = f"crosscheck {' '.join(words)}"
+    done = Done(address=file.address, versions=results.versions, command=command)
+    write_whole(out / DONE, encoded(done))
+
+
+def compare(first: Path, path: Path, clones: Path, into: Path) -> None:
+    """Compare two formats of a robot, and keep the command and what it printed."""
+    words = ["compare", *(str(one.relative_to(clones)) for one in (first, path))]
+    made = subprocess.run(
+        [*PROGRAM, *words], cwd=clones, capture_output=True, text=True, check=False,
+        errors="replace",
+    )  # fmt: skip
+    write_whole(into, f"$ crosscheck {' '.join(words)}\n{made.stdout or made.stderr}")
+
+
+def kept(file: RobotFile, store: Path) -> Done | None:
+    """Return the finished run of this commit of a file; None without one."""
+    try:
+        done = msgspec.json.decode((store / file.slug / DONE).read_bytes(), type=Done)
+    except (OSError, msgspec.MsgspecError):
+        return None
+    return done if done.address == file.address else None
+
+
+def is_current(done: Done | None) -> bool:
+    """Return whether a finished run has the installed versions."""
+    now = versions()
+    return done is not None and all(now.get(name) == one for name, one in done.versions.items())
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the robots that have no current result, and write the site."""
+    parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
+    parser.add_argument("name", nargs="*", help="part of a robot's title [all robots]")
+    parser.add_argument("--store", type=Path, default=Path("reports/gallery"), help="results")
+    parser.add_argument("--site", type=Path, default=Path("reports/gallery-site"), help="pages")
+    parser.add_argument("--clones", type=Path, default=Path("reports/clones"), help="model files")
+    parser.add_argument("--source", default=SOURCE, help=f"address of repositories [{SOURCE}]")
+    parser.add_argument("--robots", type=Path, default=ROBOTS, help="table of robots")
+    parser.add_argument("--pages-only", action="store_true", help="run nothing")
+    jobs = str(os.cpu_count() or 1)
+    parser.add_argument("--jobs", default=jobs, help="worker processes [one per processor]")
+    options = parser.parse_args(words)
+    entries, clones = [], options.clones.resolve()
+    for files in robot_files(options.name, options.robots):
+        first: Path | None = None
+        for file in files:
+            began, folder = time.perf_counter(), options.store.resolve() / file.slug
+            if not options.pages_only:
+                try:
+                    path = file.fetched(clones, options.source)
+                except (subprocess.CalledProcessError, OSError) as error:
+                    print(f"{file.slug}: not fetched: {error}", flush=True)
+                    continue
+                if not is_current(kept(file, options.store)):
+                    shutil.rmtree(folder, ignore_errors=True)
+                    run(file, path, folder.parent, options.jobs)
+                if first is not None and not (folder / COMPARISON).exists():
+                    compare(first, path, clones, folder / COMPARISON)
+                first = first or path
+                print(f"{file.slug}: {time.perf_counter() - began:.0f} s", flush=True)
+            done = kept(file, options.store)
+            if done is not None:
+                results = read_results(options.store / file.slug / "results.json")
+                entries.append(Entry(file=file, done=done, results=results))
+    write_site(options.site, options.store, entries)
+    print(options.site / "index.html")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,265 @@
+"""The site of the gallery: robots by engines, a page for each engine and each message."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import shutil
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import jinja2
+import msgspec
+
+from campaigns.report_pictures import write_pictures
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.codes import codes
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.render.html import environment, template
+from physics_crosscheck.harness.render.terminal.models_table import engine_cells
+from physics_crosscheck.harness.results.headline import engine_title, headline
+from .robots import RobotFile
+
+PAGES = Path(__file__).with_name("pages")
+PICTURE = "picture.png"
+COMPARISON = "compare.txt"
+"""A command that compares the file with the robot's first one, and what it printed."""
+
+
+class Done(Record, frozen=True, kw_only=True):
+    """A finished run of a file.
+
+    Attributes:
+        address: of the file, with its commit.
+        versions: of the program and the engines.
+        command: that repeats the run, in a clone of the repository.
+    """
+
+    address: str
+    versions: Mapping[str, str | None]
+    command: str
+
+
+class Cell(Record, frozen=True, kw_only=True):
+    """A robot's file in an engine.
+
+    Attributes:
+        robot, kind, file: title and kind of the robot, and address of its file with the commit.
+        engine, version: name and version of the engine.
+        outcome: see `Outcome`.
+        text: digits to which the engine follows the file, or what goes wrong.
+        sentence: fault, place and effect, or the digits.
+        bound: largest uncertainty; None without a verdict.
+        date: of the run, UTC.
+        command: that repeats the run.
+        page: address of the report, relative to the site.
+    """
+
+    robot: str
+    kind: str
+    file: str
+    engine: str
+    version: str
+    outcome: Outcome
+    text: str
+    sentence: str
+    bound: float | None
+    date: str
+    command: str
+    page: str
+
+
+class Cells(Record, frozen=True, kw_only=True):
+    """All cells, as in `gallery.json`."""
+
+    cells: tuple[Cell, ...]
+
+
+class Entry(Record, frozen=True, kw_only=True):
+    """A robot's file with its run."""
+
+    file: RobotFile
+    done: Done
+    results: Results
+
+    @property
+    def page(self) -> str:
+        """Address of its report, relative to the site."""
+        return f"robots/{self.file.slug}/index.html"
+
+    @property
+    def cells(self) -> dict[str, Cell]:
+        """The file in each engine that reads its format."""
+        rows = engine_cells(self.results)
+        return {
+            engine: self._cell(engine, outcome, text)
+            for row in rows.values()
+            for engine, (outcome, text) in row.items()
+            if outcome is not Outcome.ABSENT
+        }
+
+    def _cell(self, engine: str, outcome: Outcome, text: str) -> Cell:
+        mine = msgspec.structs.replace(
+            self.results,
+            cases=tuple(one for one in self.results.cases if one.engine == engine),
+            models=tuple(one for one in self.results.models if one.engine == engine),
+        )
+        verdicts = [one.verdict for one in mine.cases if one.verdict is not None]
+        return Cell(
+            robot=self.file.robot,
+            kind=self.file.kind,
+            file=self.file.address,
+            engine=engine,
+            version=self.done.versions.get(engine) or "",
+            outcome=outcome,
+            text=text,
+            sentence=_sentence(mine, outcome),
+            bound=max((one.uncertainty or 0.0 for one in verdicts), default=None),
+            date=self.results.created,
+            command=self.done.command,
+            page=self.page,
+        )
+
+
+def _sentence(results: Results, outcome: Outcome) -> str:
+    """Return what one engine does with a file: fault, place and effect, or the digits."""
+    refused = [one.reason for one in results.cases if one.outcome is outcome and one.reason]
+    if outcome in (Outcome.AGREES, Outcome.DIFFERS) or not refused:
+        return " ".join(headline(results))
+    return refused[0]
+
+
+def wrong(cells: Mapping[str, Cell]) -> dict[str, str]:
+    """Return what goes wrong with a file: each sentence, and the titles of its engines."""
+    names: dict[str, list[str]] = {}
+    for cell in cells.values():
+        if cell.outcome is not Outcome.AGREES:
+            names.setdefault(cell.sentence, []).append(engine_title(cell.engine))
+    return {sentence: ", ".join(one) for sentence, one in names.items()}
+
+
+def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]]:
+    """Return by code: each sentence with its place, and the engines and files that have it."""
+    found: dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]] = {}
+    for entry in entries:
+        for code, engine, sentence, place in _messages(entry.results):
+            by_sentence = found.setdefault(code, {})
+            by_sentence.setdefault((sentence, f"{entry.file.slug}{place}"), []).append(
+                (engine, entry)
+            )
+    return dict(sorted(found.items()))
+
+
+def _messages(results: Results) -> Iterator[tuple[str, str, str, str]]:
+    """Yield code, engine, sentence and line of findings, causes and cases that don't agree."""
+    for model in results.models:
+        for finding in model.audit or ():
+            if finding.code and finding.severity != "note":
+                line = finding.location.line if finding.location else None
+                yield finding.code, model.engine, finding.message, f":{line}" if line else ""
+        best = model.diagnosis.explanations[:1] if model.diagnosis else ()
+        for cause in (one for explanation in best for one in explanation.causes):
+            line = cause.locations[0].line if cause.locations else None
+            yield cause.code, model.engine, str(cause), f":{line}" if line else ""
+    for case in results.cases:
+        if case.code and not case.passes:
+            yield case.code, case.engine, case.reason, ""
+
+
+def changes(cells: Sequence[Cell], before: Sequence[Cell]) -> list[str]:
+    """Return a sentence for each cell whose outcome or digits changed, worst first."""
+    past = {(one.file.split("/blob/")[0] + one.page, one.engine): one for one in before}
+    lines = []
+    for cell in sorted(cells, key=lambda one: -one.outcome.severity):
+        old = past.get((cell.file.split("/blob/")[0] + cell.page, cell.engine))
+        if old is not None and (old.outcome, old.text) != (cell.outcome, cell.text):
+            versions = f"{old.version} to {cell.version}" if old.version != cell.version else "same"
+            lines.append(
+                f"{cell.robot} in {engine_title(cell.engine)} ({versions} version): "
+                f"{old.text} -> {cell.text}. {cell.sentence}"
+            )
+    return lines
+
+
+def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
+    """Write all pages, with the cells as JSON and CSV, and the changes since the last ones.
+
+    Args:
+        site: its folder.
+        store: folder with a folder for each file.
+        entries: the files that ran.
+    """
+    site.mkdir(parents=True, exist_ok=True)
+    rows = [(entry, entry.cells) for entry in entries]
+    cells = [cell for _, row in rows for cell in row.values()]
+    names = list(dict.fromkeys(one.engine for one in cells if one.engine != "-"))
+    inherited = environment().loader
+    assert inherited is not None
+    pages = environment().overlay(
+        loader=jinja2.ChoiceLoader([jinja2.FileSystemLoader(PAGES), inherited]), cache_size=0
+    )
+
+    def write(path: str, page: str, title: str, **values: object) -> None:
+        (site / path).parent.mkdir(parents=True, exist_ok=True)
+        text = template(pages.get_template(page), title=title, titles=engine_title, **values)
+        write_whole(site / path, text)
+
+    for entry in entries:
+        source, target = store / entry.file.slug, site / "robots" / entry.file.slug
+        shutil.copytree(source, target, dirs_exist_ok=True)
+    folders = [site / "robots" / entry.file.slug for entry in entries]
+    write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
+    found, known = messages(entries), codes()
+    by_engine: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for code, sentences in found.items():
+        write(f"messages/{code}.html", "message.html", f"{code}: {known[code].title}",
+              sentences=sentences)  # fmt: skip
+        for (_, place), places in sentences.items():
+            for engine, _ in places:
+                by_engine[engine][code].add(place.split(":")[0])
+    for name in names:
+        mine = [cell for cell in cells if cell.engine == name]
+        write(f"engines/{name}.html", "engine.html", engine_title(name), cells=mine,
+              codes=by_engine[name], messages=known)  # fmt: skip
+    good = sum(one.outcome is Outcome.AGREES for one in cells)
+    count = len({one.robot for one in cells})
+    title = f"{count} public robots in {len(names)} engines: {good} of {len(cells)} follow the file"
+    pictures = {entry.file.slug: _inlined(site / "robots" / entry.file.slug) for entry in entries}
+    write("index.html", "matrix.html", title, rows=rows, names=names, pictures=pictures,
+          codes={code: len(one) for code, one in found.items()}, messages=known,
+          wrong=wrong)  # fmt: skip
+    texts = {
+        entry.file.slug: path.read_text("utf-8")
+        for entry in entries
+        if (path := store / entry.file.slug / COMPARISON).exists()
+    }
+    write("formats.html", "formats.html", "Formats of one robot, compared", texts=texts)
+    write("objections.html", "objections.html", "How to object, and how to add a robot",
+          entries=entries)  # fmt: skip
+    _write_cells(site, cells)
+
+
+def _inlined(folder: Path) -> str:
+    """Return a picture as an address, since pages load no files; empty without one."""
+    picture = folder / PICTURE
+    if not picture.exists():
+        return ""
+    return f"data:image/png;base64,{base64.b64encode(picture.read_bytes()).decode()}"
+
+
+def _write_cells(site: Path, cells: Sequence[Cell]) -> None:
+    path = site / "gallery.json"
+    before = msgspec.json.decode(path.read_bytes(), type=Cells).cells if path.exists() else ()
+    write_whole(site / "changes.txt", "".join(f"{one}\n" for one in changes(cells, before)))
+    write_whole(path, encoded(Cells(cells=tuple(cells))))
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(Cell.__struct_fields__)
+    table.writerows(
+        [msgspec.to_builtins(getattr(one, key)) for key in Cell.__struct_fields__] for one in cells
+    )
+    write_whole(site / "gallery.csv", text.getvalue())

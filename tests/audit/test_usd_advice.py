@@ -1,0 +1,128 @@
+"""Advice about USD stages: one planted fault of each kind, and none on the sound arm."""
+
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.records import AuditFinding
+
+pytest.importorskip("pxr")
+
+ARM = """#usda 1.0
+(
+    defaultPrim = "arm"
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Material "rubber" (prepend apiSchemas = ["PhysicsMaterialAPI"])
+{
+    float physics:staticFriction = 0.8
+    float physics:dynamicFriction = 0.8
+}
+def Xform "arm" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])
+{
+    def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    {
+        float physics:mass = 2
+        float3 physics:diagonalInertia = (0.01, 0.01, 0.01)
+    }
+    def Xform "link" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    {
+        double3 xformOp:translate = (0, 0, 0.5)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        float physics:mass = 1
+        point3f physics:centerOfMass = (0.2, 0, 0)
+        float3 physics:diagonalInertia = (0.0005, 0.015, 0.015)
+        quatf physics:principalAxes = (1, 0, 0, 0)
+        def Capsule "shape" (prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"])
+        {
+            uniform token axis = "X"
+            double height = 0.4
+            double radius = 0.03
+            double3 xformOp:translate = (0.2, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+            rel material:binding:physics = </rubber>
+        }
+    }
+    def PhysicsFixedJoint "anchor"
+    {
+        rel physics:body1 = </arm/base>
+    }
+    def PhysicsRevoluteJoint "hinge" (prepend apiSchemas = ["PhysicsDriveAPI:angular"])
+    {
+        uniform token physics:axis = "Y"
+        rel physics:body0 = </arm/base>
+        rel physics:body1 = </arm/link>
+        point3f physics:localPos0 = (0, 0, 0.5)
+        quatf physics:localRot0 = (1, 0, 0, 0)
+        float physics:lowerLimit = -90
+        float physics:upperLimit = 90
+        float drive:angular:physics:stiffness = 1.7453293
+        float drive:angular:physics:maxForce = 50
+        float newton:damping = 0.0017453293
+        uniform double mjc:damping = 0.1
+    }
+}
+"""
+
+ROOT, BODY = '["PhysicsArticulationRootAPI"]', ' "base" (prepend apiSchemas = ['
+MOMENTS, BINDING = (
+    "        quatf physics:pr",
+    "            rel material:binding:physics = </rubber>\n",
+)
+TENSOR = "        double[] newton:inertia = [0.0005, 0.015, 0.016, 0, 0, 0]\n"
+SCALED = """{
+    double3 xformOp:scale = (1, 1, 2)
+    uniform token[] xformOpOrder = ["xformOp:scale"]"""
+
+
+def advice(folder: Path, *edits: tuple[str, str]) -> list[AuditFinding]:
+    text = ARM
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    file = folder / "arm.usda"
+    file.write_text(text)
+    findings = plausibility_findings(read_robot(file))
+    return [one for one in findings if one.severity == "advice"]
+
+
+def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
+    assert advice(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "expected", "actual", "edits"),
+    [
+        ("XC187", 14, None, None, [(ROOT, '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT[1:-1]}, ")]),
+        ("XC188", 23, None, 0.0, [("mass = 1\n", "mass = 0\n")]),
+        ("XC189", 50, 1.74533, 100, [("stiffness = 1.7453293", "stiffness = 100")]),
+        ("XC190", 52, 0.00174533, 0.1, [("newton:damping = 0.0017453293", "newton:damping = 0.1")]),
+        ("XC190", 25, 0.016, 0.015, [(MOMENTS, f"{TENSOR}{MOMENTS}")]),
+        ("XC191", 51, 50, None, [("drive:angular:physics:maxForce", "urdf:limit:effort")]),
+        ("XC192", 26, 1, 0.707107, [("Axes = (1, 0", "Axes = (0.5, 0.5")]),
+        ("XC193", 46, 0, 0.05, [("localPos0 = (0, 0, 0.5)", "localPos0 = (0, 0, 0.45)")]),
+        ("XC193", 47, 0, 0.2, [("Rot0 = (1, 0,", "Rot0 = (0.9950042, 0.0998334,")]),
+        ("XC194", 7, None, 0, [("    float physics:dynamicFriction = 0.8\n", "")]),
+        ("XC194", 27, None, None, [(BINDING, "")]),
+        ("XC195", 14, 1, 2, [(f"{ROOT})\n{{", f"{ROOT})\n{SCALED}")]),
+        ("XC181", 49, 90, 1.5708, [("= -90", "= -1.5707964"), ("= 90", "= 1.5707964")]),
+    ],
+)  # fmt: skip
+def test_names_a_planted_fault_with_its_line_and_numbers(
+    tmp_path: Path,
+    code: str,
+    line: int,
+    expected: float | None,
+    actual: float | None,
+    edits: list[tuple[str, str]],
+) -> None:
+    (finding,) = advice(tmp_path, *edits)
+    assert finding.code == code
+    assert finding.location is not None
+    assert (Path(finding.location.file).name, finding.location.line) == ("arm.usda", line)
+    assert finding.expected == (None if expected is None else pytest.approx(expected, rel=1e-5))
+    assert finding.actual == (None if actual is None else pytest.approx(actual, rel=1e-5))
+    assert "/arm" in finding.subject[0] or finding.subject == ("/rubber",)
