@@ -173,16 +173,16 @@ def _by_short_numbers(
     each = stepping.judgement, dynamics.judgement
     if any(one.outcome is Outcome.DIFFERS for one in each):
         return None
-    known = max(one.largest_uncertainty for one in each)
-    if not known <= COARSEST:
+    largest = max(one.largest_uncertainty for one in each)
+    if not largest <= COARSEST:
         return None
     built = _build(compared, stepping, None)
     epsilon, requested = compared.model.epsilon, compared.resolution
     verdict = replace(
         built.verdict,
-        largest_uncertainty=known,
-        resolution=max(requested, known),
-        reason="" if known <= requested else short_numbers(epsilon, known, requested),
+        largest_uncertainty=largest,
+        resolution=max(requested, largest),
+        reason="" if largest <= requested else short_numbers(epsilon, largest, requested),
     )
     return replace(built, verdict=verdict)
 

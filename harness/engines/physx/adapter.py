@@ -88,7 +88,7 @@ DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
 })  # fmt: skip
 
 UNLIMITED = 1e4
-"""A limit beyond it is none, rad or m; PhysX stores the largest 32-bit number."""
+"""Positions, rad or m, beyond which no limit counts; PhysX stores 3e38 for a missing one."""
 
 
 class PhysxEngine(UrdfEngine):
