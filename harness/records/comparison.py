@@ -190,8 +190,8 @@ class Compared(Record, frozen=True, kw_only=True):
         laws: Differing limits, friction, contacts and drives, by effect on a step; None without
             laws.
         decisive: The difference that decides, if the motions agree; None if they decide.
-        rounding: Largest relative difference if all are rounding to six digits, or to those of a
-            format; None otherwise.
+        rounding: Largest relative difference if all are rounding, of six digits or a format; None
+            otherwise.
         scenes: Both models at equal positions of their paired joints, A first; empty unless
             requested.
     """
