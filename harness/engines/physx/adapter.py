@@ -422,7 +422,7 @@ class _ArticulationSteps(Stepper):
             root = np.concatenate([force[:3] * units.length, moment]) / units.energy
             applied = np.concatenate([root, applied])
         weight = scene.read("GRAVITY_FORCE") + scene.read("CORIOLIS_AND_CENTRIFUGAL_FORCE")
-        result: Array = np.linalg.solve(mass, applied - weight)
+        result = np.asarray(np.linalg.solve(mass, applied - weight), dtype=np.float64)
         result[first:] *= units.joints
         if first:
             spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
