@@ -91,8 +91,8 @@ def endless() -> Iterator[File]:
     """Yield layers without an end, and those that grow while they compose."""
     for i, text in enumerate(arcs("self.usda")):
         yield "endless", "self.usda" if not i else f"self_{i}.usda", text.encode()
-    for one, other in ("pq", "qp"):
-        yield "endless", f"{one}.usda", f"#usda 1.0\n( subLayers = [@{other}.usda@] )\n".encode()
+    for name, other in ("pq", "qp"):
+        yield "endless", f"{name}.usda", f"#usda 1.0\n( subLayers = [@{other}.usda@] )\n".encode()
     yield "endless", "child.usda", b'#usda 1.0\ndef "a" { def "b" ( references = </a> ) { } }\n'
     yield "endless", "inherits.usda", b'#usda 1.0\nclass "a" ( inherits = </a> ) { }\n'
     for depth in (500, 20000):
@@ -110,8 +110,8 @@ def endless() -> Iterator[File]:
             f"grows_{count}.usda",
             f'#usda 1.0\n{"".join(levels)}def "l{count}" {{ }}\n'.encode(),
         )
-    for many, what in ((3_000_000, "float[] x = [{}]"), (3_000_000, "string x = '{}'")):
-        body = what.format("1," * many if "float" in what else "x" * many)
+    for length, what in ((3_000_000, "float[] x = [{}]"), (3_000_000, "string x = '{}'")):
+        body = what.format("1," * length if "float" in what else "x" * length)
         yield "huge", f"huge_{len(body)}.usda", f'#usda 1.0\ndef "a" {{ {body} }}\n'.encode()
     prims = "".join(f'def Xform "p{i}" {{ }}\n' for i in range(100_000))
     yield "huge", "many.usda", f"#usda 1.0\n{prims}".encode()
@@ -131,8 +131,7 @@ def broken(folder: Path) -> Iterator[File]:
     for suffix, count in (("usda", 8), ("usdc", 20), ("usdz", 12)):
         data = (folder / f"whole.{suffix}").read_bytes()
         for i in range(count):
-            cut = data[: len(data) * i // count]
-            yield f"cut {suffix}", f"cut_{i}.{suffix}", cut
+            yield f"cut {suffix}", f"cut_{i}.{suffix}", data[: len(data) * i // count]
             noise = bytearray(data)
             for _ in range(i + 1):
                 noise[random.randrange(len(data))] = random.randrange(256)
@@ -152,7 +151,7 @@ def broken(folder: Path) -> Iterator[File]:
 
 
 def wrong_values() -> Iterator[File]:
-    """Yield robots with values that are no numbers, of another type, or nowhere."""
+    """Yield robots with values that are not numbers, of another type, or nowhere."""
     edits = [
         ("= </arm/link>", f"= {one}") for one in ("</nowhere>", "</arm/hinge>", "[]", "</arm>")
     ]
@@ -167,9 +166,7 @@ def wrong_values() -> Iterator[File]:
                       (f"float {name} = {value}", f"double[] {name} = [1, 2]")]  # fmt: skip
         elif kind in ("point3f", "float3"):
             edits += [(f"{name} = {value}", f"{name} = ({one}, 0, 0)") for one in ("nan", "-inf")]
-            edits.append(
-                (f"{kind} {name} = {value}", f"token {name} = {one}" if (one := '"x"') else "")
-            )
+            edits.append((f"{kind} {name} = {value}", f'token {name} = "x"'))
     for i, (old, new) in enumerate(edits):
         assert old in ROBOT
         yield "wrong values", f"value_{i}.usda", ROBOT.replace(old, new, 1).encode()

@@ -24,7 +24,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from campaigns.real_models.packages import folder_of
+from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.reference.dynamics.recursion import Recursion
 
 MENAGERIE = (
     "kuka_iiwa_14/iiwa14.xml", "universal_robots_ur5e/ur5e.xml", "franka_emika_panda/panda.xml",
@@ -97,12 +102,46 @@ def command(*words: object) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+def mass_difference(robot: UsdRobot) -> str:
+    """Return how far the mass matrices of both files' hinges and slides are apart at most.
+
+    Relative to the geometric mean of both diagonal elements, at 8 random states, with the joint.
+    """
+    sides = [read_robot(one) for one in (robot.source, robot.usd) if one is not None]
+    trees = [one.tree for one in sides if one.tree is not None]
+    if len(trees) < 2:
+        return ""
+    rows: list[dict[str, tuple[int, int]]] = []
+    for tree in trees:
+        places = zip(tree.links, tree.positions, tree.velocities, strict=True)
+        rows.append({
+            re.sub(r"_1$", "", link.name): (at.start, there.start)
+            for link, at, there in places
+            if there.stop - there.start == 1
+        })  # fmt: skip
+    names = [name for name in rows[0] if name in rows[1]]
+    generator, worst, where = np.random.default_rng(0), 0.0, ""
+    for _ in range(8):
+        values = generator.uniform(-1, 1, len(names))
+        masses = []
+        for side, tree, row in zip(sides, trees, rows, strict=True):
+            q = RobotFacts(side, tree).drawn.copy()
+            q[[row[name][0] for name in names]] = values
+            here = [row[name][1] for name in names]
+            masses.append(Recursion(tree).mass(q)[np.ix_(here, here)])
+        scale = np.sqrt(np.outer(np.diag(masses[0]), np.diag(masses[0])))
+        apart = np.abs(masses[1] - masses[0]) / scale
+        if apart.max() > worst:
+            worst, where = float(apart.max()), names[int(np.argmax(apart.max(axis=0)))]
+    return f"{worst:.1e} at {where}, {len(names)} joints"
+
+
 def summary(code: int, text: str) -> str:
     """Return a cell: exit code, outcomes, message codes, and the first line that fails."""
-    outcomes = Counter(re.findall(r"^(AGREES|DIFFERS|UNRESOLVED|ERROR|PASS|FAIL)", text, re.M))
+    outcomes = Counter(re.findall(r"^ *(ok|FAIL|REFUSED|unresolved|ERROR|skipped)\b", text, re.M))
     codes = Counter(re.findall(r"\bXC\d{3}\b", text))
     counts = [f"{count} {name}" for name, count in (*outcomes.items(), *codes.items())]
-    bad = re.search(r"^(?:DIFFERS|FAIL|ERROR|UNRESOLVED|error).*", text, re.M)
+    bad = re.search(r"^ *(?:FAIL|REFUSED|unresolved|ERROR).*", text, re.M)
     words = "" if bad is None else f"; {bad[0].strip()[:160]}"
     return f"{code}: {', '.join(counts)}{words}".replace("|", "/")
 
@@ -115,6 +154,7 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--menagerie", type=Path, help="clone of mujoco_menagerie")
     parser.add_argument("--tools", type=Path, help="folder with the converters' programs")
     parser.add_argument("--engine", default="newton")
+    parser.add_argument("--masses", action="store_true", help="compare only mass matrices")
     parser.add_argument("--save", type=Path, help="file for all output, as JSON")
     chosen = parser.parse_args(given)
     sources = [chosen.menagerie / one for one in MENAGERIE if chosen.menagerie]
@@ -123,13 +163,18 @@ def main(given: Sequence[str] | None = None) -> None:
     for source in sources if chosen.tools else ():
         failure = convert(source, chosen.tools.absolute(), chosen.folder / source.stem)
         print(f"{source}: {failure or 'converted'}", file=sys.stderr, flush=True)
-    print(f"| robot | compare | {chosen.engine} |\n|---|---|---|", flush=True)
+    print(f"| robot | M(q) | compare | {chosen.engine} |\n|---|---|---|---|", flush=True)
     saved = {}
     for robot in robots_in(chosen.folder):
+        masses = mass_difference(robot) if robot.source else ""
+        if chosen.masses:
+            print(f"| {robot.name} | {masses} | | |", flush=True)
+            continue
         compared = command("compare", robot.source, robot.usd) if robot.source else (0, "")
         run = command("run", robot.usd, "--engine", chosen.engine)
         saved[str(robot.usd)] = {"compare": compared, "run": run}
-        print(f"| {robot.name} | {summary(*compared)} | {summary(*run)} |", flush=True)
+        cells = robot.name, masses, summary(*compared), summary(*run)
+        print(f"| {' | '.join(cells)} |", flush=True)
     if chosen.save:
         chosen.save.write_text(json.dumps(saved, indent=1), encoding="utf-8")
 

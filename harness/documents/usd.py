@@ -462,8 +462,10 @@ def _unreadable(path: Path, error: Any) -> LocationError:
 
 def _reference_line(file: Path, name: str) -> int | None:
     """Return the line of a text layer that names another one."""
-    before, at, _ = file.read_bytes().partition(f"@{name}@".encode())
-    return before.count(b"\n") + 1 if at and not before.startswith((CRATE, PACKAGE)) else None
+    before, reference, _ = file.read_bytes().partition(f"@{name}@".encode())
+    return (
+        before.count(b"\n") + 1 if reference and not before.startswith((CRATE, PACKAGE)) else None
+    )
 
 
 def _prim_count(layers: Mapping[str, Any], layer: Any, path: Any, sizes: dict[Any, int]) -> int:
@@ -473,18 +475,29 @@ def _prim_count(layers: Mapping[str, Any], layer: Any, path: Any, sizes: dict[An
         sizes[key] = 1  # a circle, which composition reports
         prim = layer.GetPrimAtPath(path)
         arcs = (prim.referenceList, prim.payloadList) if prim else ()
-        total = 1 + sum(
-            _prim_count(layers, layer, one.path, sizes)
-            for one in (prim.nameChildren if prim else ())
-        )
-        for one in (one for arc in arcs for one in arc.GetAddedOrExplicitItems()):
-            name = layer.ComputeAbsolutePath(one.assetPath) if one.assetPath else layer.identifier
+        children = prim.nameChildren if prim else ()
+        total = 1 + sum(_prim_count(layers, layer, child.path, sizes) for child in children)
+        for arc in (one for items in arcs for one in items.GetAddedOrExplicitItems()):
+            name = layer.ComputeAbsolutePath(arc.assetPath) if arc.assetPath else layer.identifier
             other = layers.get(name)
             if other is not None:
-                target = one.primPath or f"/{other.defaultPrim}"
+                target = arc.primPath or f"/{other.defaultPrim}"
                 total += _prim_count(layers, other, target, sizes)
         sizes[key] = total
     return sizes[key]
+
+
+def _check_size(path: Path, layers: Mapping[str, Any]) -> None:
+    """Raise `RefusedFileError` for a prim that has too many others, or too deep ones."""
+    counts = dict[Any, int]()
+    try:
+        for layer in layers.values():
+            for prim in layer.rootPrims:
+                if _prim_count(layers, layer, prim.path, counts) > MAX_PRIMS:
+                    problem = f"refused: {prim.path} has more than {MAX_PRIMS} prims by references"
+                    raise RefusedFileError(problem, file=Path(layer.realPath or str(path)))
+    except RecursionError:
+        raise RefusedFileError("refused: its prims are nested too deeply", file=path) from None
 
 
 def checked_root(path: Path, *, allow_outside: bool = False) -> Any:
@@ -520,12 +533,7 @@ def checked_root(path: Path, *, allow_outside: bool = False) -> Any:
                 raise RefusedFileError(f"refused: more than {MAX_LAYERS} layers", file=path)
             passed[inner] = _open(pxr, Path(inner), shown)
             waiting.append(passed[inner])
-    sizes = dict[Any, int]()
-    for layer in passed.values():
-        for prim in layer.rootPrims:
-            if _prim_count(passed, layer, prim.path, sizes) > MAX_PRIMS:
-                problem = f"refused: {prim.path} has more than {MAX_PRIMS} prims with references"
-                raise RefusedFileError(problem, file=Path(layer.realPath or str(path)))
+    _check_size(path, passed)
     return root
 
 

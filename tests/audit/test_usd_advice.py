@@ -126,3 +126,10 @@ def test_names_a_planted_fault_with_its_line_and_numbers(
     assert finding.expected == (None if expected is None else pytest.approx(expected, rel=1e-5))
     assert finding.actual == (None if actual is None else pytest.approx(actual, rel=1e-5))
     assert "/arm" in finding.subject[0] or finding.subject == ("/rubber",)
+
+
+def test_advice_about_a_tensor_has_the_line_of_the_body(tmp_path: Path) -> None:
+    (finding,) = advice(
+        tmp_path, ("Inertia = (0.0005,", "Inertia = (50, 50,"), ("(50, 50, 0.015, ", "(50, 50, ")
+    )
+    assert (finding.code, finding.location and finding.location.line) == ("XC162", 19)

@@ -14,6 +14,7 @@ from physics_crosscheck.harness.documents.document import Document, finite_numbe
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.expanded import locate_file
+from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage, stage_of
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, mesh_vertices
@@ -247,7 +248,17 @@ class RobotFacts:
 
     def line(self, tag: str, name: str, child: str = "") -> SourceLine:
         """Return the line of a named element, or of its child if it has that one."""
+        if self.stage is not None:
+            paths = (one for one in self.stage.prims if str(one.GetPath()).endswith(f"/{name}"))
+            place = self.stage.place(next(paths, self.stage.stage.GetPseudoRoot()))
+            return SourceLine(file=str(place.file), line=place.line)
         return element_line(self.roots, tag, name, child) or SourceLine(file=str(self.robot.file))
+
+    @cached_property
+    def stage(self) -> UsdStage | None:
+        """Stage of a USD robot; None for other files."""
+        is_usd = self.robot.file.suffix in SUFFIXES
+        return stage_of(self.robot.file, self.robot.stated) if is_usd else None
 
     def inertial_line(self, link: str) -> SourceLine:
         """Return the line of a link's `<inertial>`, or of the link."""

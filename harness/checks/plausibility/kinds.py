@@ -15,7 +15,6 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.expanded import has_stand_ins
-from physics_crosscheck.harness.documents.usd import SUFFIXES, stage_of
 from physics_crosscheck.harness.modelfiles.mesh_files import unread_meshes
 from physics_crosscheck.harness.modelfiles.robot import HELD, LOCKED, LinkPart, Robot
 from physics_crosscheck.harness.records.base import SourceLine
@@ -281,7 +280,7 @@ def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
         elif FAST < speed <= MAX_DEGREES and not is_round:
             quantity, actual, expected = "velocity", speed, float(np.radians(speed))
             what = f"a largest speed of {speed:g} rad/s, {speed / 2 / np.pi:.2g} turns a second: as"
-            what += f" degrees it is {expected:.3g} rad/s. Write radians"
+            what += f" degrees it is {expected:.3g} rad/s. Check its unit"
         else:
             continue
         message, line = f"joint {quote(name)} has {what}", facts.line("joint", name, "limit")
@@ -601,8 +600,8 @@ def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     facts = RobotFacts(robot, robot.tree)
     with np.errstate(all="ignore"):  # bodies whose numbers overflow have no advice
         advice = [one for judge in KINDS for one in judge(facts)]
-        if robot.file.suffix in SUFFIXES:
-            advice += stage_advice(stage_of(robot.file, robot.stated))
+        if facts.stage is not None:
+            advice += stage_advice(facts.stage)
     advice.sort(key=lambda one: (_ORDER.index(one[1].kind), -one[0]))
     return (*(finding for _, finding in advice), *_uncompared(facts))
 

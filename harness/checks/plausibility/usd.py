@@ -197,7 +197,7 @@ def gain_units(facts: StageFacts) -> UsdAdvice:
         if joint.kind == HINGE and is_written and 0 < force < SATURATED * gain:
             message = (
                 f"the drive of {quote(joint.prim.GetName())} has the stiffness {gain:g} per degree,"
-                f" {gain / DEGREE:.4g} N m/rad, and reaches its largest force, {force:g} N m, at "
+                f" {gain / DEGREE:.5g} N m/rad, and reaches its largest force, {force:g} N m, at "
                 f"{force / gain:.2g} degrees. If {gain:g} N m/rad is meant, write "
                 f"{gain * DEGREE:.6g}, and the damping {damping * DEGREE:.6g}"
             )

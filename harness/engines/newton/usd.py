@@ -104,7 +104,7 @@ def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> li
 
 
 def _point_bodies(stage: UsdStage, builder: Any, *, is_kept: bool) -> list[str]:
-    """Return bodies without moments, for which Newton invents some, which may be kept."""
+    """Return bodies without moments, for which Newton invents some; drop them unless `is_kept`."""
     names = []
     for i, label in enumerate(builder.body_label):
         tensor = builder.body_inertia[i]

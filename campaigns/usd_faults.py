@@ -1,0 +1,200 @@
+"""Faults planted in a USD robot by layers over it: is each named by prim and line, and none else?
+
+`python -m campaigns.usd_faults ROBOT.usda... [--compare]` plants each fault in a body and a joint
+in the middle of each robot. The layers are written beside the robot, and removed. A fault is named
+if new advice names its prim, or with `--compare`, which runs an engine, if `crosscheck compare`
+does. `invented` counts new advice of another kind about other prims.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pxr import Gf, Sdf, Usd, UsdPhysics
+
+from campaigns.usd_robots import command
+from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.modelfiles.readers import read_robot
+from physics_crosscheck.harness.records.finding import AuditFinding
+
+MOMENTS, AXES = "physics:diagonalInertia", "physics:principalAxes"
+
+
+def scaled(name: str, factor: float) -> Callable[[Any], None]:
+    """Return an edit that multiplies a number or a vector."""
+
+    def edit(prim: Any) -> None:
+        attribute = prim.GetAttribute(name)
+        attribute.Set(attribute.Get() * factor)
+
+    return edit
+
+
+def written(name: str, value: object, kind: Any = None) -> Callable[[Any], None]:
+    """Return an edit that writes a value, in an attribute of a kind if it is new."""
+
+    def edit(prim: Any) -> None:
+        (prim.GetAttribute(name) if kind is None else prim.CreateAttribute(name, kind)).Set(value)
+
+    return edit
+
+
+def turned(name: str) -> Callable[[Any], None]:
+    """Return an edit that conjugates a quaternion."""
+
+    def edit(prim: Any) -> None:
+        attribute = prim.GetAttribute(name)
+        attribute.Set(attribute.Get().GetInverse())
+
+    return edit
+
+
+def drive(stiffness: float) -> Callable[[Any], None]:
+    """Return an edit that adds a drive with a gain per degree."""
+
+    def edit(prim: Any) -> None:
+        one = UsdPhysics.DriveAPI.Apply(prim, "angular")
+        one.CreateStiffnessAttr(stiffness)
+        one.CreateMaxForceAttr(87.0)
+
+    return edit
+
+
+def moved_shift(prim: Any) -> None:
+    """Move a joint's frame by 1 mm."""
+    attribute = prim.GetAttribute("physics:localPos0")
+    attribute.Set(attribute.Get() + Gf.Vec3f(0, 0.001, 0))
+
+
+def wrong_parent(prim: Any) -> None:
+    """Name the parent's parent as the first body."""
+    relation = prim.GetRelationship("physics:body0")
+    path = relation.GetTargets()[0].GetParentPath()
+    stage = prim.GetStage()
+    while path.pathString != "/" and not stage.GetPrimAtPath(path).HasAPI(UsdPhysics.RigidBodyAPI):
+        path = path.GetParentPath()
+    relation.SetTargets([] if path.pathString == "/" else [path])
+
+
+def limits_in_radians(prim: Any) -> None:
+    """Write the limits of all hinges in radians."""
+    for one in prim.GetStage().Traverse():
+        for end in ("lower", "upper") if one.IsA(UsdPhysics.RevoluteJoint) else ():
+            scaled(f"physics:{end}Limit", math.pi / 180)(one)
+
+
+def namespaces(prim: Any) -> None:
+    """State one damping per degree and per radian with one number."""
+    for name in ("newton:damping", "mjc:damping"):
+        prim.CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(0.1)
+
+
+def stage_value(name: str, value: object) -> Callable[[Any], None]:
+    """Return an edit of a value of the whole stage."""
+    return lambda prim: prim.GetStage().SetMetadata(name, value) and None
+
+
+def density(prim: Any) -> None:
+    """Take the mass away, and state a density."""
+    prim.GetAttribute("physics:mass").Set(0.0)
+    UsdPhysics.MassAPI(prim).CreateDensityAttr(2700.0)
+
+
+def variant(prim: Any) -> None:
+    """Select a variant with another mass."""
+    one = prim.GetVariantSets().AddVariantSet("load")
+    one.AddVariant("full")
+    one.SetVariantSelection("full")
+    with one.GetVariantEditContext():
+        prim.GetAttribute("physics:mass").Set(99.0)
+    prim.GetAttribute("physics:mass").Clear()
+
+
+BODY: Mapping[str, Callable[[Any], None]] = {
+    "mass 1e-4": scaled("physics:mass", 1.0001), "mass 1 %": scaled("physics:mass", 1.01),
+    "mass in g": scaled("physics:mass", 1000.0), "mass 0": scaled("physics:mass", 0.0),
+    "density": density, "variant": variant, "center in mm": scaled("physics:centerOfMass", 1000.0),
+    "center 1e-3": scaled("physics:centerOfMass", 1.001), "conjugated axes": turned(AXES),
+    "moments in g m^2": scaled(MOMENTS, 1000.0), "moments 1 %": scaled(MOMENTS, 1.01),
+    "axes not of unit length": written(AXES, Gf.Quatf(0.7, 0, 0, 0.7)),
+    "scale": written("xformOp:scale", Gf.Vec3f(1, 1, 2), Sdf.ValueTypeNames.Float3),
+}  # fmt: skip
+JOINT: Mapping[str, Callable[[Any], None]] = {
+    "limits in radians": limits_in_radians, "wrong body0": wrong_parent, "frame 1 mm": moved_shift,
+    "conjugated localRot0": turned("physics:localRot0"), "axis": written("physics:axis", "Y"),
+    "gain per radian": drive(100.0), "gain per degree": drive(1.7453293),
+    "localRot0 not of unit length": written("physics:localRot0", Gf.Quatf(2, 0, 0, 0)),
+    "namespaces": namespaces,
+    "up axis": stage_value("upAxis", "Y"), "unit": stage_value("metersPerUnit", 0.01),
+    "unit of mass": stage_value("kilogramsPerUnit", 0.001),
+}  # fmt: skip
+
+
+def planted(file: Path, kind: str, layer_file: Path) -> str:
+    """Write a layer with a fault over a robot, and return the path of the prim that has it."""
+    original = Usd.Stage.Open(str(file))
+    layer = Sdf.Layer.CreateNew(str(layer_file))
+    layer.subLayerPaths.append(file.name)
+    layer.defaultPrim = original.GetDefaultPrim().GetName()
+    for key in ("upAxis", "metersPerUnit", "kilogramsPerUnit"):
+        layer.pseudoRoot.SetInfo(key, original.GetMetadata(key))
+    stage = Usd.Stage.Open(layer)
+    joints = [one for one in stage.Traverse() if one.IsA(UsdPhysics.RevoluteJoint)]
+    joint = joints[len(joints) // 2]
+    body = stage.GetPrimAtPath(joint.GetRelationship("physics:body1").GetTargets()[0])
+    prim = body if kind in BODY else joint
+    (BODY | JOINT)[kind](prim)
+    layer.Save()
+    return str(prim.GetPath())
+
+
+def advice(file: Path) -> list[AuditFinding]:
+    """Return the advice about a file."""
+    robot = read_robot(file)
+    return [one for one in plausibility_findings(robot) if one.severity == "advice"]
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Print a row for each fault."""
+    parser = argparse.ArgumentParser(prog="python -m campaigns.usd_faults", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("robots", type=Path, nargs="+", metavar="ROBOT.usda")
+    parser.add_argument("--compare", action="store_true", help="compare in an engine what is left")
+    parser.add_argument("--only", default="", help="pattern of faults")
+    chosen = parser.parse_args(given)
+    print("| robot | fault | named | by | invented |\n|---|---|---|---|---|", flush=True)
+    for file in chosen.robots:
+        usual: dict[str, set[str]] = {}
+        for one in advice(file):
+            usual.setdefault(one.kind, set()).update(one.subject)
+        layer_file = file.with_name("planted.usda")
+        for kind in (one for one in (*BODY, *JOINT) if re.search(chosen.only, one)):
+            layer_file.unlink(missing_ok=True)
+            path = planted(file, kind, layer_file)
+            new = [
+                one
+                for one in advice(layer_file)
+                if not usual.get(one.kind, set()) >= {*one.subject}
+            ]
+            mine = [one for one in new if any(path.endswith(name) for name in one.subject)]
+            others = [one for one in new if one.kind not in {named.kind for named in mine}]
+            by = [f"{one.code} {one.location}".replace(f"{file.parent}/", "") for one in mine]
+            if chosen.compare and not by:
+                _, text = command("compare", file, layer_file)
+                by = [row.strip() for row in text.splitlines() if path.rpartition("/")[2] in row][
+                    :1
+                ]
+            cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(len(others))
+            print(f"| {' | '.join(cells)} |", flush=True)
+        layer_file.unlink(missing_ok=True)
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
