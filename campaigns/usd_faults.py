@@ -72,6 +72,12 @@ def moved_shift(prim: Any) -> None:
     attribute.Set(attribute.Get() + Gf.Vec3f(0, 0.001, 0))
 
 
+def other_axis(prim: Any) -> None:
+    """Turn a joint about another axis."""
+    attribute = prim.GetAttribute("physics:axis")
+    attribute.Set({"X": "Y", "Y": "Z", "Z": "X"}[attribute.Get()])
+
+
 def wrong_parent(prim: Any) -> None:
     """Name the parent's parent as the first body."""
     relation = prim.GetRelationship("physics:body0")
@@ -127,7 +133,7 @@ BODY: Mapping[str, Callable[[Any], None]] = {
 }  # fmt: skip
 JOINT: Mapping[str, Callable[[Any], None]] = {
     "limits in radians": limits_in_radians, "wrong body0": wrong_parent, "frame 1 mm": moved_shift,
-    "conjugated localRot0": turned("physics:localRot0"), "axis": written("physics:axis", "Y"),
+    "conjugated localRot0": turned("physics:localRot0"), "axis": other_axis,
     "gain per radian": drive(100.0), "gain per degree": drive(1.7453293),
     "localRot0 not of unit length": written("physics:localRot0", Gf.Quatf(2, 0, 0, 0)),
     "namespaces": namespaces,
