@@ -56,8 +56,8 @@ test-engines: .venv-engines/.ready
 		--crosscheck-thorough $(KNOWN:%=--deselect 'models/events/%') models
 	$(ALL)/crosscheck gate --all --out build/gate
 
-# PhysX, whose licence keeps it out of `all-engines`: its conformance, page and tests. 1.2 GB. It pins
-# an older packaging by its metadata only.
+# PhysX, whose license keeps it out of `all-engines`: its conformance, page and tests. 1.2 GB. Its
+# metadata ask for an older packaging than pytest's, so it comes last and without dependencies.
 PHYSX := .venv-physx/bin
 test-physx: .venv-physx/.ready
 	REQUIRE_PHYSX=1 $(PHYSX)/python -m pytest -n 2 --dist loadfile tests/engines/test_extras_physx.py \
@@ -121,9 +121,10 @@ fuzz: .venv/.fuzz
 
 .venv-physx/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-physx
-	grep -v '^packaging==' constraints.txt > .venv-physx/constraints.txt
-	$(PHYSX)/python -m pip --disable-pip-version-check --quiet install \
-		--constraint .venv-physx/constraints.txt --editable '.[physx]' pytest pytest-xdist
+	$(PHYSX)/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt \
+		--editable '.[usd]' pytest pytest-xdist physx-usd-schemas warp-lang
+	$(PHYSX)/python -m pip --disable-pip-version-check --quiet install --constraint constraints.txt \
+		--no-deps ovphysx ovstage
 	touch $@
 
 .venv/.docs: .venv/bin/python pyproject.toml constraints.txt

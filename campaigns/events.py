@@ -39,11 +39,7 @@ from physics_crosscheck.harness.numerics.segments import extrapolate
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
-from physics_crosscheck.reference.mechanism.declaration import (
-    Constant,
-    DeclarationError,
-    Scenario,
-)
+from physics_crosscheck.reference.mechanism.declaration import Constant, DeclarationError, Scenario
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.solving.integrate import ReferenceError

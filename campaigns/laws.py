@@ -27,11 +27,7 @@ from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.checks.whole_step import check_whole_step
 from physics_crosscheck.harness.diagnosis.coverage import SMOOTH, NumberEffect, counted_numbers
-from physics_crosscheck.harness.diagnosis.law_problem import (
-    LawProblem,
-    diagnose_laws,
-    law_problem,
-)
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
 from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import FileError
 from physics_crosscheck.harness.engines.protocol import ModelSpec

@@ -24,7 +24,7 @@ STEP, STEPS = 1e-3, 4000
 """Step, s, and number of steps of the rolling test."""
 
 PUSH = {"xy": np.array([75, 150 * math.sqrt(0.75), 0]), "y": np.array([0, 150, 0])}
-"""Force on the box, N. The page says xy; the code pushes 60 degrees off the x axis."""
+"""Force on the box, N. The page states xy; the code pushes 60 degrees off the x axis."""
 
 BALLS = [(2.0 * i - 4, 2.0 * j - 4) for i in range(5) for j in range(5)]
 """Places of the balls on the box, m."""

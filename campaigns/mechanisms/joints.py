@@ -9,15 +9,7 @@ import sympy as sp
 
 from campaigns.mechanisms.mechanism import AppliedForce
 from campaigns.mechanisms.written import joint_name
-from physics_crosscheck import (
-    Constant,
-    Coordinate,
-    Equilibrium,
-    Input,
-    Output,
-    Scenario,
-    System,
-)
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
 from physics_crosscheck.reference.mechanism.declaration import t

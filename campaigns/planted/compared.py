@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from campaigns.planted.fates import (
-    RESOLUTION,
-    FaultBaseline,
-    FaultFate,
-    RobotFault,
-    judge_fault,
-)
+from campaigns.planted.fates import RESOLUTION, FaultBaseline, FaultFate, RobotFault, judge_fault
 from physics_crosscheck.harness.commands.compare.candidate import (
     CompareError,
     FailureError,

@@ -28,13 +28,7 @@ from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedActing
 from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.results.status import listed
-from physics_crosscheck.reference.laws.acting import (
-    SLOPE,
-    Servo,
-    pressed,
-    recovery_time,
-    rest_on,
-)
+from physics_crosscheck.reference.laws.acting import SLOPE, Servo, pressed, recovery_time, rest_on
 from physics_crosscheck.reference.laws.constraints import mix_surfaces
 from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.mechanics import Posture

@@ -6,7 +6,7 @@ agrees: from states of the motion, ten steps on from there, and each step of a f
 leaves the decision to segments, so that single steps alone never report a difference.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from physics_crosscheck.harness.numerics.full_run import (
     traced_run,
 )
 from physics_crosscheck.harness.numerics.judgement import judge
+from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.stepping import (
     StepComparison,
     StepDefects,
@@ -35,11 +36,14 @@ from physics_crosscheck.reference.dynamics.equations import VectorFunction
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
-from .verdict import CaseJudgement
+from .verdict import CaseJudgement, short_numbers
 
 MARGIN = 100.0
 """Factor by which the differences of single steps, and their uncertainty, must be below the
 resolution. A number with a small effect on a step may have a larger one on a segment."""
+
+COARSEST = 1e-3
+"""Largest uncertainty of steps in short numbers that decide; segments may resolve more then."""
 
 MOST_STEPS = 100_000
 """Largest number of steps of a run that is compared step by step; its states are kept in memory."""
@@ -138,7 +142,11 @@ def decide_by_steps(
         dynamics: the comparison of accelerations; None if the engine exposes none.
         motion: the motion of full runs; None without one.
     """
-    if stepping is None or not suffices(stepping, dynamics, compared.resolution):
+    if stepping is None:
+        return None
+    if compared.model.epsilon > EPSILON:
+        return _by_short_numbers(compared, stepping, dynamics) if motion is None else None
+    if not suffices(stepping, dynamics, compared.resolution):
         return None
     if motion is None:
         return _build(compared, stepping, None)
@@ -150,6 +158,33 @@ def decide_by_steps(
     if not np.max(largest) <= least:
         return None
     return _build(compared, stepping, steps)
+
+
+def _by_short_numbers(
+    compared: SteppedModel, stepping: StepComparison, dynamics: AccelerationComparison | None
+) -> StepsVerdict | None:
+    """Return the verdict of steps and accelerations that differ by rounding only.
+
+    Rounding of short numbers hides more of a segment than of a step: the weights of its
+    extrapolation multiply it.
+    """
+    if stepping.rule.besides or dynamics is None or not dynamics.complete:
+        return None
+    each = stepping.judgement, dynamics.judgement
+    if any(one.outcome is Outcome.DIFFERS for one in each):
+        return None
+    largest = max(one.largest_uncertainty for one in each)
+    if not largest <= COARSEST:
+        return None
+    built = _build(compared, stepping, None)
+    epsilon, requested = compared.model.epsilon, compared.resolution
+    verdict = replace(
+        built.verdict,
+        largest_uncertainty=largest,
+        resolution=max(requested, largest),
+        reason="" if largest <= requested else short_numbers(epsilon, largest, requested),
+    )
+    return replace(built, verdict=verdict)
 
 
 def suffices(

@@ -18,16 +18,11 @@ from physics_crosscheck.harness.jobs.failure import failure_of
 from physics_crosscheck.harness.modelfiles.locations import line_of
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.event_runs import lost_contact, phase_spread, study_events
-from physics_crosscheck.harness.numerics.forward_dynamics import (
-    AccelerationComparison,
-)
+from physics_crosscheck.harness.numerics.forward_dynamics import AccelerationComparison
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
-from physics_crosscheck.harness.numerics.stepping import (
-    StepComparison,
-    StepDefects,
-)
+from physics_crosscheck.harness.numerics.stepping import StepComparison, StepDefects
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
 from physics_crosscheck.harness.records.outcome import Outcome

@@ -10,13 +10,7 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.numerics.stepping import StepComparison as FoundStepping
-from physics_crosscheck.harness.records.base import (
-    Numbers,
-    Rows,
-    number,
-    numbers,
-    rounded,
-)
+from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers, rounded
 from physics_crosscheck.harness.records.case import (
     CheckedStep,
     Convergence,

@@ -1,4 +1,4 @@
-"""Comparison of the terms that an engine compiled with the terms of the equations."""
+"""Terms and linearizations of an engine's model, compared with those of the equations."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from physics_crosscheck.harness.engines.protocol import LoadedModel
 from physics_crosscheck.harness.numerics.accelerations import (
@@ -15,14 +16,39 @@ from physics_crosscheck.harness.numerics.accelerations import (
     force_of,
 )
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
-from physics_crosscheck.harness.numerics.differences import OperatingPoint
+from physics_crosscheck.harness.numerics.differences import MAX_PERTURBATION, OperatingPoint
+from physics_crosscheck.harness.numerics.discrete import linearize_step
+from physics_crosscheck.harness.numerics.linearization import linearize_engine
 from physics_crosscheck.harness.numerics.stops import stopped
 from physics_crosscheck.harness.records.finding import AuditFinding, AuditKind
+from physics_crosscheck.harness.records.model import EngineLinearization
 from physics_crosscheck.harness.results.status import listed
 from physics_crosscheck.reference.mechanism.numeric import Array
 from .findings import finding
-from .linearizations import Linearized
-from .prepare import MassAndForce
+from .prepare import MassAndForce, PreparedSystem, PreparedTree
+from .task import ModelTask
+
+Linearized = ModelTask[PreparedSystem | PreparedTree]
+
+
+def run_linearizations(task: Linearized) -> tuple[EngineLinearization, ...]:
+    """Linearize the engine's model about each equilibrium, and compare with Taylor's series.
+
+    There is no linearization where a joint limit acts near the equilibrium, such as a spring that
+    presses a joint against its limit.
+    """
+    model, coordinates = task.load()
+    moved = 2 * MAX_PERTURBATION * np.minimum(task.target.amplitude[: coordinates.back.size], 1.0)
+    records = []
+    for point in task.target.equilibria:
+        if stopped(model, coordinates, point.position, moved):
+            continue
+        # Once for a step of the file's own length, and once as h -> 0.
+        step = linearize_step(model, coordinates, task.target.stepped, point, task.resolution)
+        limit, _ = linearize_engine(model, coordinates, point, task.resolution, task.thorough)
+        records.append(replace(limit, one_step=step))
+    return tuple(records)
+
 
 SEED = 20260101
 DRAWS = 24

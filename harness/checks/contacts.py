@@ -20,14 +20,7 @@ from physics_crosscheck.harness.engines.protocol import WholeState
 from physics_crosscheck.harness.modelfiles.mjcf.misread import MisreadNumber
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape, Robot
 from physics_crosscheck.reference.laws.mechanics import Posture
-from physics_crosscheck.reference.laws.solids import (
-    KINDS,
-    ROUND,
-    Solid,
-    distance,
-    gap,
-    overlap,
-)
+from physics_crosscheck.reference.laws.solids import KINDS, ROUND, Solid, distance, gap, overlap
 from physics_crosscheck.reference.laws.step import LawModel
 from physics_crosscheck.reference.mechanism.laws import (
     ContactPoint,

@@ -13,12 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineStep,
-    WholeModel,
-    WholeState,
-)
+from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.harness.numerics.judgement import LimitVerdict, judge
 from physics_crosscheck.harness.numerics.ladder import floored
 from physics_crosscheck.reference.laws.impulses import ImpulseModel, ImpulseStep

@@ -157,7 +157,7 @@ def judge(
         why = _why_coarse(limit, judged_limit, held)
         reason = _unresolved(judged_limit, limit, place, component, claimed, resolution, why)
     elif judged_limit.largest_uncertainty > requested:
-        reason = _coarse(limit, judged_limit.largest_uncertainty, requested)
+        reason = short_numbers(limit.epsilon, judged_limit.largest_uncertainty, requested)
     return CaseJudgement(
         outcome=judged_limit.outcome,
         discrepancy=judged_limit.discrepancy,
@@ -283,11 +283,11 @@ def with_lost_contact(verdict: CaseJudgement, lost: LostContact) -> CaseJudgemen
     return replace(verdict, reason=f"{why}; {verdict.reason}", kind="not smooth")
 
 
-def _coarse(limit: ExtrapolatedLimit, uncertainty: float, requested: float) -> str:
+def short_numbers(epsilon: float, uncertainty: float, requested: float) -> str:
     """Explain that the engine's numbers have too few digits for the requested resolution."""
     return (
         f"known to {uncertainty:.1e}, above the requested {requested:.0e}: the engine's "
-        f"numbers have only {1 - math.log2(limit.epsilon):.0f} binary digits"
+        f"numbers have only {1 - math.log2(epsilon):.0f} binary digits"
     )
 
 

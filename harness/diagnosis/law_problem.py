@@ -48,15 +48,7 @@ from physics_crosscheck.reference.mechanism.laws import ImpulseRules
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .diagnose import REFINED, Ranking, diagnose, largest_remaining
-from .fit import (
-    Faults,
-    Fit,
-    Hypothesis,
-    NumberProblem,
-    Resolved,
-    left_linear,
-    refine,
-)
+from .fit import Faults, Fit, Hypothesis, NumberProblem, Resolved, left_linear, refine
 from .hypotheses import rank
 from .robot_problem import ROUNDING_CHANGE, number_hypothesis
 from .trial import REFUSED

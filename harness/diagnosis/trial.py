@@ -11,12 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from physics_crosscheck.harness.checks.task import SystemTask
-from physics_crosscheck.harness.engines.protocol import (
-    EngineError,
-    Force,
-    LoadedModel,
-    StateForce,
-)
+from physics_crosscheck.harness.engines.protocol import EngineError, Force, LoadedModel, StateForce
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import locate, with_literals
 from physics_crosscheck.harness.numerics.coordinates import CoordinateMap

@@ -67,7 +67,8 @@ class Mesh(NamedTuple):
 def read_mesh(file: Path) -> Mesh:
     """Return the triangles of a mesh, with the vertices that they use.
 
-    A COLLADA file states its unit, which engines apply.
+    A COLLADA file states its unit, which engines apply. In glTF, y is up; Drake and other programs
+    turn it to z.
 
     Raises:
         MeshError: if it can't be read.
@@ -91,6 +92,8 @@ def read_mesh(file: Path) -> Mesh:
         raise missing from None
     except Exception as error:  # each format's parser has its own errors
         raise MeshError(f"{file}: {type(error).__name__}: {error}") from None
+    if file.suffix.lower() in (".gltf", ".glb"):
+        parts = [one._replace(points=one.points[:, [0, 2, 1]] * (1, -1, 1)) for one in parts]
     starts = np.cumsum([0, *(len(one.points) for one in parts)])
     mesh = Mesh(
         np.concatenate([np.zeros((0, 3)), *(one.points for one in parts)]),

@@ -143,6 +143,8 @@ def step_engine(
         if not np.isfinite(expected).all():
             return None
         digit, rounding = run.digit(expected), run.rounding(took)
+        if rule.substeps is not None:  # each of them rounds the state
+            digit, rounding = (rule.substeps.count**0.5 * size for size in (digit, rounding))
         apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
         defects = _defects(apart, movement(expected, states), digit, rounding)
         digits = float(np.max(apart / np.max(digit, axis=0)))

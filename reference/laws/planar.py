@@ -13,11 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.planar import (
-    PlanarContact,
-    PlanarJoint,
-    PlanarLaws,
-)
+from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarJoint, PlanarLaws
 
 EPS = float(np.finfo(float).eps)
 

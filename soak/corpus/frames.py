@@ -8,14 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from soak.corpus.entry import Build, CorpusEntry, chain_builds, replace_text, write_file
-from soak.corpus.sound import (
-    MJCF,
-    MJCF_SIDECAR,
-    SPACE_SIDECAR,
-    SYSTEM,
-    URDF,
-    URDF_SIDECAR,
-)
+from soak.corpus.sound import MJCF, MJCF_SIDECAR, SPACE_SIDECAR, SYSTEM, URDF, URDF_SIDECAR
 
 _SYSTEM = SYSTEM.replace("Output, Scenario", "Output, Pose, Scenario").replace(
     "    published=(),\n",

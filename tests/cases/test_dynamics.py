@@ -10,7 +10,7 @@ import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.checks.case import run_case
-from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.compiled_terms import run_linearizations
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, with_dynamics

@@ -14,7 +14,7 @@ from physics_crosscheck.harness.checks import planar_step as planar_module
 from physics_crosscheck.harness.checks import task as task_module
 from physics_crosscheck.harness.checks.by_steps import suffices
 from physics_crosscheck.harness.checks.case import StepError, run_case, stepped_model
-from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.compiled_terms import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.verdict import nonzero_scale

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.extras.sweep.command import DESIGNS
-from physics_crosscheck.harness.extras.sweep.draws import Design
+from physics_crosscheck.harness.extras.sweep.factors import Design
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
 from physics_crosscheck.harness.interfaces.cli.registry import built_in_commands
 from physics_crosscheck.harness.planning.cache import _environment

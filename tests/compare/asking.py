@@ -10,16 +10,9 @@ from rich.console import Console
 
 from physics_crosscheck.harness.commands.compare.acting import compare_acting
 from physics_crosscheck.harness.commands.compare.candidate import candidates
-from physics_crosscheck.harness.commands.compare.compare import (
-    UNCHECKED,
-    CompareOptions,
-    compare,
-)
+from physics_crosscheck.harness.commands.compare.compare import UNCHECKED, CompareOptions, compare
 from physics_crosscheck.harness.commands.compare.laws import compare_laws
-from physics_crosscheck.harness.commands.compare.match import (
-    declared,
-    pairs_of,
-)
+from physics_crosscheck.harness.commands.compare.match import declared, pairs_of
 from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.states import (
     SampledStates,

@@ -16,11 +16,7 @@ from physics_crosscheck.harness.commands.compare.diff import applied, edits
 from physics_crosscheck.harness.commands.compare.match import declared, match, pairs_of
 from physics_crosscheck.harness.commands.compare.prepared import prepare
 from physics_crosscheck.harness.commands.compare.properties import properties
-from physics_crosscheck.harness.commands.compare.side import (
-    Difference,
-    ModelSide,
-    model_side,
-)
+from physics_crosscheck.harness.commands.compare.side import Difference, ModelSide, model_side
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, SidecarError

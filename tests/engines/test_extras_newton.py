@@ -8,9 +8,13 @@ import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.readers import robot_system
+from physics_crosscheck.harness.modelfiles.usd import read
+from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC
 from tests.engines.test_readings import BODY, WELDED, limit, moved, urdf
+from tests.robots.usd import edited
 
 HINGE = '<joint name="j" type="hinge" axis="0 1 0" {}/>'
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
@@ -144,3 +148,35 @@ def test_free_and_ball_joints_match_mujoco(joint: str, tmp_path: Path) -> None:
     for coarse, fine, expected, start in zip(once, twice, right, (q, v), strict=True):
         end = 2 * fine - coarse  # extrapolates order 1
         assert np.max(np.abs(end - expected)) < 2e-4 * np.max(np.abs(expected[:, 0] - start))
+
+
+def usd(folder: Path, text: str, **settings: object) -> LoadedModel:
+    need("newton")
+    pytest.importorskip("newton_usd_schemas")
+    path = folder / "arm.usda"
+    path.write_text(text)
+    return engines()["newton"].load(ModelSpec(path, settings={"step": H, **settings}))
+
+
+@pytest.mark.parametrize("up", ["Z", "Y"])
+def test_a_usd_arm_accelerates_as_its_equations(up: str, tmp_path: Path) -> None:
+    model = usd(tmp_path, edited(('upAxis = "Z"', f'upAxis = "{up}"')), smooth=True)
+    tree = robot_system(read(tmp_path / "arm.usda", {}))
+    q, v = np.array([[-1.6, 0.4]]), np.array([[1.0, -2.0]])  # beyond the limit of the shoulder
+    mass, force = TreeEquations(tree).mechanics(q, v, np.zeros((1, 2)))
+    expected = np.linalg.solve(mass[0], force[0])
+    assert model.coordinates == ("shoulder", "elbow")
+    after = model.rollout(q, v, 1e-3, 1, None, 1)[1]
+    assert (after[0, 0] - v[0]) / 1e-3 == pytest.approx(expected, rel=2e-4)
+
+
+def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
+    root = '(\n    prepend apiSchemas = ["PhysicsArticulationRootAPI"]\n)'
+    with pytest.raises(EngineError, match="Orphan joints"):
+        usd(tmp_path, edited((root, "")))
+    usd(tmp_path, edited((root, "")), articulations=True)
+    zeros = ("= (0.0035, 0.003, 0.001)", "= (0, 0, 0)")
+    point = usd(tmp_path, edited(zeros))
+    assert any("inertias that Newton enlarges (lower)" in one for one in point.corrective_settings)
+    with pytest.raises(EngineError, match="converts no units"):
+        usd(tmp_path, edited(("metersPerUnit = 1", "metersPerUnit = 0.01")))

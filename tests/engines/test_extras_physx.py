@@ -113,7 +113,8 @@ def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path:
     assert "articulation root" in cause
     assert right.corrective_settings == {}
     assert freed.coordinates == right.coordinates
-    assert freed.step_rule is None
+    still = freed.home[None]
+    assert freed.accelerations(still, 0 * still, 0 * still) is None
     moved = load(ON_BODY, tmp_path, "moved.usda", remedy)
     assert moved.corrective_settings == {}
     assert np.array_equal(motion(moved), motion(right))
@@ -196,7 +197,10 @@ def test_files_that_it_cannot_run_are_refused(
         load(TREE.replace(*edit), tmp_path)
 
 
-def test_assumed_mass_is_a_remark(tmp_path: Path) -> None:
-    model = load(TREE.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
+def test_assumed_mass_and_moments_are_remarks(tmp_path: Path) -> None:
+    text = TREE.replace("(0.02, 0.015, 0.01)", "(0, 0, 0)", 1)
+    model = load(text.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
     still = model.home[None]
-    assert any("PhysX gives base 1 kg" in one.message for one in model.remarks(still, 0 * still))
+    messages = " ".join(one.message for one in model.remarks(still, 0 * still))
+    assert "PhysX gives base 1 kg" in messages
+    assert "replaces the moments of base" in messages

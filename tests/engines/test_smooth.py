@@ -202,3 +202,25 @@ def test_mimic_joint_follows_its_leader_and_brings_its_inertia(
     rate = np.sqrt(30 / (2.0 + 9 * 0.5))
     t = h * 100 * np.arange(1, 41)
     assert zs[0, :, 0] == pytest.approx(0.2 * np.cos(rate * t), abs=2e-4)
+
+
+def test_gears_of_a_chain_converge_in_pybullet(tmp_path: Path) -> None:
+    """Catch iterations that leave 1e-6 of the speeds of six followers."""
+    p = pytest.importorskip("pybullet")
+    inertia = '<inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/>'
+    inner = f'<inertial><origin xyz="0.01 0 0.02"/><mass value="0.1"/>{inertia}</inertial>'
+    parts = [f'<link name="{name}">{inner}</link>' for name in ("base", "lead", *"abcdef")]
+    for parent, name in zip(("base", "base", *"abcde"), ("lead", *"abcdef"), strict=True):
+        mimic = "" if name == "lead" else '<mimic joint="lead"/>'
+        ends = f'<parent link="{parent}"/><child link="{name}"/><origin xyz="0 0 0.03"/>'
+        parts.append(
+            f'<joint name="{name}" type="continuous">{ends}<axis xyz="0 1 0"/>{mimic}</joint>'
+        )
+    file = written(tmp_path, "chain.urdf", f'<robot name="r">{"".join(parts)}</robot>')
+    settings = {"smooth": True, "step": 0.002, "gravity": [0.0, 0.0, -9.81]}
+    model = engines()["pybullet"].load(ModelSpec(path=file, settings=settings, springs=()))
+    q, v = np.full((1, 7), 0.3), np.full((1, 7), 0.5)
+    _, shipped = model.rollout(q, v, 2e-3, 3, None, 3)
+    p.setPhysicsEngineParameter(numSolverIterations=20000, solverResidualThreshold=0.0)
+    _, converged = model.rollout(q, v, 2e-3, 3, None, 3)
+    assert np.max(np.abs(shipped - converged)) < 1e-9

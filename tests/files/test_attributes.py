@@ -5,10 +5,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.modelfiles.locations.attributes import (
-    elements,
-    with_attributes,
-)
+from physics_crosscheck.harness.modelfiles.locations.attributes import elements, with_attributes
 
 TEXT = (
     "<!-- <joint name='x' damping='9'/> é -->\r\n"

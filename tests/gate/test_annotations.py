@@ -8,9 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from physics_crosscheck.harness.baseline.classify import Change
-from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.text import summary
+from physics_crosscheck.harness.commands.gate.text import notes, summary
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.diff import Diff, Status
 from physics_crosscheck.harness.results.github import (

@@ -18,9 +18,8 @@ from physics_crosscheck.harness.baseline.stale import match, robot_options, stal
 from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
 from physics_crosscheck.harness.commands.gate.accept import Acceptance, AcceptError, accept
 from physics_crosscheck.harness.commands.gate.gate import accepted_targets, gate, robots_in
-from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
-from physics_crosscheck.harness.commands.gate.text import gate_lines, summary
+from physics_crosscheck.harness.commands.gate.text import gate_lines, notes, summary
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.interfaces.cli import main as cli
 from physics_crosscheck.harness.records.baseline import WholeSteps

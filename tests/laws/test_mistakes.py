@@ -8,11 +8,7 @@ import pytest
 
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.diagnosis.law_problem import (
-    LawProblem,
-    diagnose_laws,
-    law_problem,
-)
+from physics_crosscheck.harness.diagnosis.law_problem import LawProblem, diagnose_laws, law_problem
 from physics_crosscheck.records import Outcome
 from tests.laws.scenes import URDF_ARM, URDF_BALLS
 
@@ -114,7 +110,7 @@ def test_ball_before_a_slide_is_named(row: tuple[str, str]) -> None:
     """Cover MuJoCo 4.0.0, whose dJ/dt v is off by the slide's velocity x the ball's."""
     ranking = diagnose_laws(problem_of(SLIDING.format('<joint type="slide" axis="1 2 3"/>', *row)))
     assert ranking.explained
-    assert "ball joint moves with the slides after it" in str(ranking.fits[0].causes[0])
+    assert "moves with a ball joint and slides after it" in str(ranking.fits[0].causes[0])
     assert ranking.fits[0].remaining < 1e-9
     right = problem_of(SLIDING.format("", *row)).judge(RESOLUTION)
     assert right.outcome is Outcome.AGREES

@@ -14,11 +14,7 @@ from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import STANDALONE_SETTINGS
 from physics_crosscheck.harness.checks.law_comparison import Evaluated, LawComparison
-from physics_crosscheck.harness.checks.law_states import (
-    KeptSteps,
-    drawn_states,
-    evaluated_states,
-)
+from physics_crosscheck.harness.checks.law_states import KeptSteps, drawn_states, evaluated_states
 from physics_crosscheck.harness.checks.prepare import prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.checks.whole_step import WholeStepCheck, check_whole_step
@@ -29,16 +25,7 @@ from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.soft import Part
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
-from tests.laws.scenes import (
-    CONNECT,
-    DRIVES,
-    LIMITS,
-    PAIR,
-    TOUCH,
-    URDF_ARM,
-    URDF_BOX,
-    WELD,
-)
+from tests.laws.scenes import CONNECT, DRIVES, LIMITS, PAIR, TOUCH, URDF_ARM, URDF_BOX, WELD
 from tests.models import written
 
 pytest.importorskip("mujoco")

@@ -15,7 +15,7 @@ from physics_crosscheck.harness.commands.mutation.faults import FAULTS
 from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutate, mutated
 from physics_crosscheck.harness.commands.mutation.survey import MutationError, PlantedFault
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
-from physics_crosscheck.harness.commands.mutation.tree_mistakes import law_mistakes
+from physics_crosscheck.harness.commands.mutation.trees import law_mistakes
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar

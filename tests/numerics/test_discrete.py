@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import Array
-from physics_crosscheck.harness.checks.linearizations import run_linearizations
+from physics_crosscheck.harness.checks.compiled_terms import run_linearizations
 from physics_crosscheck.harness.checks.task import load, model_task
 from physics_crosscheck.harness.engines.protocol import StepRule
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar

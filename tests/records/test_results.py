@@ -1,12 +1,13 @@
-"""Results: plain JSON, whole or not at all, checked when read, with JSON Schemas as strict."""
+"""Results are plain JSON, malformed ones are rejected in one sentence; each kind has one code."""
 
 import inspect
 import json
 import os
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jsonschema
 import msgspec
@@ -14,16 +15,30 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from physics_crosscheck.engine import EngineError
+from physics_crosscheck.harness.engines.protocol import UnsupportedError
+from physics_crosscheck.harness.engines.remark import RemarkKind
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
+from physics_crosscheck.harness.jobs.failure import failure_of
+from physics_crosscheck.harness.modelfiles.inertias import Kind as InertiaKind
+from physics_crosscheck.harness.modelfiles.sidecar import SidecarError
 from physics_crosscheck.harness.numerics.judgement import judge
 from physics_crosscheck.harness.records.base import number, numbers, rows
-from physics_crosscheck.harness.records.case import Convergence, ForwardDynamics
+from physics_crosscheck.harness.records.case import CaseKind, Convergence, ForwardDynamics
+from physics_crosscheck.harness.records.cause import CauseKind
+from physics_crosscheck.harness.records.codes import GROUPS, codes
+from physics_crosscheck.harness.records.diff import Diff, Status, bare_diff
+from physics_crosscheck.harness.records.finding import AuditKind, PlausibilityKind
 from physics_crosscheck.harness.records.outcome import contradiction
 from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, meanings, page_texts, schema
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.results.status import status_of
 from physics_crosscheck.records import (
+    AuditFinding,
     Case,
+    CaseId,
+    Cause,
     Model,
     Outcome,
     Record,
@@ -31,8 +46,8 @@ from physics_crosscheck.records import (
     ResultsError,
     read_results,
 )
-from tests.records.examples import example, paths, replaced
-from tests.records.made import case, results, verdict
+from tests.records.examples import example, paths, replaced, required, value_at
+from tests.records.made import case, finding, results, verdict
 from tests.report.samples import model
 
 
@@ -265,3 +280,271 @@ def test_field_is_described_in_at_most_twenty_words() -> None:
                 for field, meaning in meanings(struct.cls).items():
                     assert 0 < len(meaning.split()) <= 20, (struct.cls, field)
                     assert meaning[0].isupper() or meaning[0] in "`K", (struct.cls, field)
+
+
+HARNESS = Path(__file__).parents[2] / "harness"
+KINDS = [kind for code in codes().values() for kind in code.kinds]
+CHANGES = ("model", "engine", "tool", "equations", "scenario", "numbers", "outcome", "audit",
+           "unexplained", "untested")  # fmt: skip
+"""Kinds of change in the gate (`harness.baseline.diff`, `harness.commands.gate.gate`)."""
+
+
+def kinds_of(group: str) -> set[str]:
+    return {kind.split(":")[-1] for kind in KINDS if kind.startswith(f"{group}:")}
+
+
+def test_kinds_and_codes_correspond() -> None:
+    assert len(set(KINDS)) == len(KINDS)
+    assert kinds_of("audit") == {*get_args(AuditKind), *get_args(PlausibilityKind)}
+    assert kinds_of("cause") == set(get_args(CauseKind))
+    assert kinds_of("case") == set(get_args(CaseKind))
+    states = {kind.split(":")[1] for kind in KINDS if kind.startswith("gate:")}
+    assert states == {one.value for one in Status} - {Status.SAME.value}
+    assert kinds_of("gate") == {"", *CHANGES}
+    assert set(get_args(RemarkKind)) | set(get_args(InertiaKind)) <= set(get_args(AuditKind))
+
+
+@cache
+def kinds_in_code() -> frozenset[str]:
+    """Return every string of the harness except docstrings and the declarations of kinds."""
+    kinds = set[str]()
+    for file in HARNESS.rglob("*.py"):
+        if file.name != "codes.py":
+            code = re.sub(r'"""[\s\S]*?"""|\bLiteral\[[^]]*\]', "", file.read_text())
+            kinds |= set(re.findall(r'"([^"\n]*)"', code))
+    return frozenset(kinds)
+
+
+@pytest.mark.parametrize("group", ["audit", "cause", "case", "gate", "baseline"])
+def test_no_code_is_dead(group: str) -> None:
+    used = {*kinds_in_code(), ""}
+    # The diagnosis takes the kinds of terms from the equations' variants.
+    reference = "".join(file.read_text() for file in (HARNESS.parent / "reference").rglob("*.py"))
+    dead = {kind for kind in kinds_of(group) if kind not in used and f'"{kind}"' not in reference}
+    assert not dead
+
+
+def test_codes_and_names_are_unique_and_in_their_group() -> None:
+    assert len({one.name for one in codes().values()}) == len(codes())
+    assert list(codes()) == sorted(codes())
+    assert all(code[:3] in GROUPS for code in codes())
+
+
+def test_code_is_written_and_follows_from_the_kind() -> None:
+    record = finding("a is 1", kind="massless")
+    assert record.code == "XC104"
+    encoded = msgspec.json.encode(record)
+    assert msgspec.json.decode(encoded)["code"] == "XC104"
+    assert msgspec.json.decode(encoded.replace(b"XC104", b"XC999"), type=AuditFinding) == record
+    assert msgspec.structs.replace(record, kind="triangle").code == "XC107"
+
+
+def test_record_has_the_code_of_its_kind() -> None:
+    cause = Cause(kind="axis", subject=("q",), nominal=1.0, estimate=None, standard_error=None)
+    names = {"system": "s", "model": "m", "scenario": "c", "engine": "e"}
+    bare = bare_diff(CaseId(**names), Status.SAME)
+    gate = [
+        msgspec.structs.replace(bare, status=Status(status), kinds=kinds).code
+        for status, kinds in (("changed", ("text", "engine")), ("gone", ()), ("as accepted", ()))
+    ]
+    assert (cause.code, gate) == ("XC208", ["XC511", "XC502", ""])
+
+
+CASES = [
+    (Outcome.AGREES, "", ""),
+    (Outcome.DIFFERS, "motion", "XC301"),
+    (Outcome.DIFFERS, "coordinate map", "XC302"),
+    (Outcome.UNRESOLVED, "coordinate map", "XC317"),
+    (Outcome.UNRESOLVED, "rounding", "XC316"),
+    (Outcome.REFUSED, "file", "XC403"),
+    (Outcome.REFUSED, "unsupported", "XC402"),
+    (Outcome.FAILED, "time limit", "XC601"),
+    (Outcome.FAILED, "", "XC612"),
+    (Outcome.ABSENT, "", "XC606"),
+]
+
+
+@pytest.mark.parametrize(("outcome", "kind", "code"), CASES)
+def test_case_has_the_code_of_its_outcome_and_kind(
+    outcome: Outcome, kind: CaseKind, code: str
+) -> None:
+    assert case(outcome, kind=kind).code == code
+
+
+def test_every_failing_outcome_has_a_code() -> None:
+    for outcome in set(Outcome) - {Outcome.AGREES}:
+        assert case(outcome, kind="").code in codes()
+
+
+class OwnError(EngineError):
+    """An error of an engine outside this package."""
+
+    kind = "mine"
+
+
+def test_failure_has_the_kind_of_its_error() -> None:
+    kinds = [failure_of(error("bad")).kind for error in (EngineError, UnsupportedError, OwnError)]
+    assert kinds == ["file", "unsupported", ""]
+    assert failure_of(SidecarError("bad")).kind == "sidecar"
+
+
+def test_records_with_kinds_have_codes() -> None:
+    for record in (AuditFinding, Cause, Case, Diff):
+        assert issubclass(record, Record)
+        assert "code" in record.__struct_fields__
+
+
+EXAMPLE: dict[str, Any] = example(Results)
+TEXT = json.dumps(EXAMPLE)
+DEEP = "[" * 5000 + "]" * 5000
+
+
+def raw(path: tuple[str | int, ...], text: str) -> str:
+    """Return the example with raw text in place of a value."""
+    return json.dumps(replaced(EXAMPLE, path, "HERE")).replace('"HERE"', text)
+
+
+def truncated() -> Iterator[tuple[str, str]]:
+    for i in range(40):
+        yield f"cut after {i}/40", TEXT[: i * len(TEXT) // 40]
+
+
+def wrong_types() -> Iterator[tuple[str, str]]:
+    for path in paths(EXAMPLE):
+        value = value_at(EXAMPLE, path)
+        wrong: Any = "x" if isinstance(value, (bool, int, float)) else 7
+        yield f"{path} is {wrong!r}", json.dumps(replaced(EXAMPLE, path, wrong))
+        if isinstance(value, (list, dict)):
+            turned: Any = [value] if isinstance(value, dict) else {"a": value}
+            yield f"{path} is turned", json.dumps(replaced(EXAMPLE, path, turned))
+
+
+def missing_keys() -> Iterator[tuple[str, str]]:
+    for path in required(msgspec.inspect.type_info(Results)):
+        parent = dict(value_at(EXAMPLE, path[:-1]))
+        del parent[str(path[-1])]
+        yield f"{path} is missing", json.dumps(replaced(EXAMPLE, path[:-1], parent))
+
+
+def extra_keys() -> Iterator[tuple[str, str]]:
+    for path in paths(EXAMPLE):
+        value = value_at(EXAMPLE, path)
+        if isinstance(value, dict) and value.keys() != {"a"}:
+            more = json.dumps(replaced(EXAMPLE, path, {**value, "surprise": 1}))
+            yield f"{path} has more", more
+
+
+def numeric_faults() -> Iterator[tuple[str, str]]:
+    places: list[tuple[str | int, ...]] = [
+        ("seconds",),
+        ("cases", 0, "verdict", "discrepancy"),
+        ("cases", 0, "series", "t", 0),
+        ("systems", 0, "derivation", "linearizations", 0, "matrices", "a", 0, 0),
+    ]
+    for path in places:
+        for text in ("NaN", "Infinity", "-Infinity", "1e999", "1" + "0" * 400, "0x10", "01", DEEP):
+            yield f"{path} is {text[:12]}", raw(path, text)
+    for text in ("1" + "0" * 400, "1.5", "true", "-1e400"):
+        yield f"steps is {text[:12]}", raw(("cases", 0, "verdict", "steps"), text)
+
+
+def twice() -> Iterator[tuple[str, str]]:
+    for key in ("created", "cases", "verdict", "pose", "held"):
+        yield f"{key} twice", TEXT.replace(f'"{key}":', f'"{key}": null, "{key}":', 1)
+        value = json.dumps(next(value_at(EXAMPLE, p) for p in paths(EXAMPLE) if p and p[-1] == key))
+        yield f"{key} twice alike", TEXT.replace(f'"{key}":', f'"{key}": {value}, "{key}":', 1)
+
+
+def other_files() -> Iterator[tuple[str, str]]:
+    for version in (0, 1, 2, 99, -1, "2", None, 1.5, [1]):
+        yield f"schema {version}", json.dumps(EXAMPLE | {"schema": version})
+    for text in ("", " ", "null", "1", '"results"', "[]", "{}", "[{}]", TEXT + TEXT, TEXT + "x"):
+        yield f"text {text[:12]!r}", text
+    yield "deep", DEEP
+    yield "deep cases", '{"schema": 5, "cases": ' + DEEP + "}"
+    yield "another record", '{"schema": 5, "summary": "", "rows": []}'
+
+
+def unequal() -> Iterator[tuple[str, str]]:
+    """Yield examples with columns of unequal length in a table, all keys being right."""
+    case: tuple[str | int, ...] = ("cases", 0, "series")
+    for path in (
+        (*case, "t"),
+        (*case, "components"),
+        (*case, "reference"),
+        (*case, "error", 0),
+        (*case, "defect", 0),
+        (*case, "segment_t"),
+        (*case, "energy", "supplied"),
+        (*case, "full_runs", "error"),
+        (*case, "convergence", "rungs"),
+        ("models", 0, "linearizations", 0, "frequencies"),
+    ):
+        value = value_at(EXAMPLE, path)
+        yield f"{path} is longer", json.dumps(replaced(EXAMPLE, path, [*value, value[0]]))
+
+
+def sketches() -> Iterator[tuple[str, str]]:
+    for tree in (["exec", 1.0], ["q", 1], ["q", -1], ["^", 1.0], [], [1.0], True, None, [[0.5]]):
+        path = ("systems", 0, "sketch", "shapes", 0, "radius")
+        yield f"sketch {tree}", json.dumps(replaced(EXAMPLE, path, tree))
+    shape = ("systems", 0, "sketch", "shapes", 0)
+    yield "sketch nested", raw((*shape, "end"), '["sin", ' * 900 + "0" + "]" * 900)
+    yield "sketch without a place", json.dumps(replaced(EXAMPLE, (*shape, "center"), [0.5]))
+
+
+def texts() -> dict[str, str]:
+    kinds = (
+        truncated, wrong_types, missing_keys, extra_keys, numeric_faults, twice, other_files,
+        unequal, sketches,
+    )  # fmt: skip
+    return {name: text for some in kinds for name, text in some()}
+
+
+BYTES = {
+    "no UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xff"'),
+    "overlong UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xc0\xaf"'),
+    "half a surrogate": TEXT.encode().replace(b'"created": "a"', b'"created": "\xed\xa0\x80"'),
+    "half an escape": TEXT.encode().replace(b'"created": "a"', rb'"created": "\ud800"'),
+    "UTF-16": TEXT.encode("utf-16"),
+    "a mark first": b"\xef\xbb\xbf" + TEXT.encode(),
+    "zeros": bytes(1000),
+    "noise": bytes(range(256)),
+}  # fmt: skip
+
+
+def test_unmodified_example_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(TEXT)
+    assert read_results(path).cases[0].verdict is not None
+
+
+@pytest.mark.slow
+def test_malformed_file_is_rejected_in_one_sentence_with_its_path(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "results.json"
+    wrong, files = [], {name: text.encode() for name, text in texts().items()} | BYTES
+    assert len(files) > 600
+    for name, data in files.items():
+        path.write_bytes(data)
+        try:
+            read_results(path)
+            message = "read"
+        except ResultsError as error:
+            message = str(error)
+        if "\n" in message or str(path) not in message or len(message) > 400:
+            wrong.append((name, message[:300]))
+    assert not wrong
+    assert main(["report", str(path)]) == 2
+    assert capsys.readouterr().err == f"crosscheck: {message}\n"
+    assert not (tmp_path / "index.html").exists()
+
+
+def test_path_that_is_not_a_file_is_rejected(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    for path in (tmp_path, *(tmp_path / name for name in ("none.json", "pipe", "loop"))):
+        with pytest.raises(ResultsError, match="can't be read") as refused:
+            read_results(path)
+        assert str(path) in str(refused.value)

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
 
+import numpy as np
 import pytest
+import trimesh
 
 from physics_crosscheck.harness.audits import audits
 from physics_crosscheck.harness.documents import expanded
@@ -340,6 +342,14 @@ def test_source_of_the_suffix_urdf_is_expanded(package: Path) -> None:
 def test_plain_path_has_no_source(tmp_path: Path) -> None:
     assert source_file(str(tmp_path / "arm.urdf")) is None
     assert source_file("simple_pendulum") is None
+
+
+def test_gltf_is_turned_from_y_up_to_z_up(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.1, 0.2, 0.3)).apply_translation((0, 1, 0))
+    box.export(tmp_path / "box.glb")
+    points = read_mesh(tmp_path / "box.glb").points
+    np.testing.assert_allclose(np.ptp(points, axis=0), (0.1, 0.3, 0.2), atol=1e-6)
+    np.testing.assert_allclose(points.mean(axis=0), (0, 0, 1), atol=1e-6)
 
 
 def test_mesh_without_a_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

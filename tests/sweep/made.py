@@ -3,8 +3,7 @@
 import shutil
 from pathlib import Path
 
-from physics_crosscheck.harness.extras.sweep.draws import Design, SweepOptions
-from physics_crosscheck.harness.extras.sweep.factors import factors
+from physics_crosscheck.harness.extras.sweep.factors import Design, SweepOptions, factors
 from physics_crosscheck.harness.extras.sweep.main import planned
 from physics_crosscheck.harness.extras.sweep.plan import CasePlan
 from physics_crosscheck.harness.jobs.workers import Workers

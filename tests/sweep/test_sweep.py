@@ -14,9 +14,12 @@ import pytest
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.extras.sweep.draws import Design, Draws, SweepOptions, draws
 from physics_crosscheck.harness.extras.sweep.factors import (
+    Design,
+    Draws,
     SweepError,
+    SweepOptions,
+    draws,
     factor,
     factors,
     matching_factors,

@@ -280,7 +280,7 @@ def limits_in_degrees(facts: RobotFacts) -> Iterator[Advice]:
         elif FAST < speed <= MAX_DEGREES and not is_round:
             quantity, actual, expected = "velocity", speed, float(np.radians(speed))
             what = f"a largest speed of {speed:g} rad/s, {speed / 2 / np.pi:.2g} turns a second: as"
-            what += f" degrees it is {expected:.3g} rad/s. Write radians"
+            what += f" degrees it is {expected:.3g} rad/s. Check its unit"
         else:
             continue
         message, line = f"joint {quote(name)} has {what}", facts.line("joint", name, "limit")

@@ -23,11 +23,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
 from physics_crosscheck.harness.modelfiles.mjcf.read import compiler
 from physics_crosscheck.harness.modelfiles.model_files import check_springs, only_model
 from physics_crosscheck.harness.modelfiles.parts import PartError, check_parts
-from physics_crosscheck.harness.modelfiles.readers import (
-    FOLLOWERS,
-    names_of,
-    read_as_it_runs,
-)
+from physics_crosscheck.harness.modelfiles.readers import FOLLOWERS, names_of, read_as_it_runs
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar

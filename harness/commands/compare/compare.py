@@ -59,10 +59,7 @@ from .attribution import Attribution, attributed
 from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
 from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
 from .laws import compare_laws
-from .match import (
-    Match,
-    pairs_of,
-)
+from .match import Match, pairs_of
 from .prepared import PreparedComparison, omission_notes, prepare
 from .properties import FileComparison, compare_files
 from .segments import Ends, own_forces, run_source, run_target
@@ -359,16 +356,9 @@ def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedA
 
 
 def _scenes(executor: Executor, sides: tuple[ModelSide, ModelSide] | None) -> tuple[Scene, ...]:
-    """Return the scenes of both models; none if one is not a tree, or if its meshes fail."""
-    if sides is None:
-        return ()
-    scenes = [
-        one
-        for model in sides
-        for one in ask_each(executor, model.facts.candidate, side_scene, [model])
-        if not isinstance(one, Failure)
-    ]
-    return tuple(scenes) if len(scenes) == len(sides) else ()
+    """Return the scenes of both models; none if one is not a tree. Meshes may fail."""
+    scenes = ask_each(executor, sides[0].facts.candidate, side_scene, sides) if sides else []
+    return tuple(one for one in scenes if not isinstance(one, Failure))
 
 
 def failed_comparison(

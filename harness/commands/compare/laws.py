@@ -61,9 +61,7 @@ from .law_rows import (
     soft_as_hard,
     with_row,
 )
-from .match import (
-    JointPair,
-)
+from .match import JointPair
 from .side import apart, make_property
 
 SAME = 8 * float(np.finfo(float).eps)

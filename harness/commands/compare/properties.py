@@ -34,21 +34,9 @@ from .alignment import (
 )
 from .candidate import Candidate, Facts, ask
 from .judge import weighed
-from .match import (
-    JointPair,
-    joints_of,
-    pairs_of,
-)
+from .match import JointPair, joints_of, pairs_of
 from .prepared import PreparedComparison
-from .side import (
-    Difference,
-    ModelSide,
-    apart,
-    lines_of,
-    make_property,
-    model_side,
-    shown,
-)
+from .side import Difference, ModelSide, apart, lines_of, make_property, model_side, shown
 from .stated import stated_properties
 
 ROUNDING = 1e-13

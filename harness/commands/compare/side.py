@@ -13,10 +13,12 @@ from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
+from physics_crosscheck.harness.documents.usd import SUFFIXES, stage_of
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
+from physics_crosscheck.harness.modelfiles.usd.read import StageTree
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.harness.records.scene import Scene
@@ -154,6 +156,30 @@ class ModelSide:
             "joint": {name: i for i, name in enumerate(joints)},
         }
 
+    @cached_property
+    def _stage(self) -> StageTree | None:
+        """The bodies and joints of a stage of USD; None for other files."""
+        try:
+            is_stage = self.file.suffix in SUFFIXES
+            settings = self.facts.candidate.settings
+            return StageTree(stage_of(self.file, settings)) if is_stage else None
+        except LocationError:
+            return None
+
+    def stage_values(self, what: str, name: str) -> Mapping[str, tuple[object, SourceLine]]:
+        """Return what layers of a stage state for a property of a joint or link, by attribute."""
+        if self._stage is None:
+            return {}
+        stage, joints = self._stage.stage, {one.name: one.prim for one in self._stage.joints}
+        links = {key: one.prim for key, one in self._stage.bodies.items()}
+        prim = (links if what in ("mass", "centre", "inertia") else joints).get(name)
+        rows = {}
+        for attribute in STAGE_KEYS.get(what, ()) if prim is not None else ():
+            place, value = stage.place(prim, attribute), stage.stated(prim, attribute)
+            if value is not None:
+                rows[attribute] = value, SourceLine(file=str(place.file), line=place.line)
+        return rows
+
     def elements(self, kind: str, name: str) -> Sequence[XmlElement]:
         """Return the element of a joint or link, then its defaults; nothing if it is unknown."""
         if self.stated is not None:
@@ -206,6 +232,25 @@ KEYS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Places of the numbers of a property: tags, then an attribute, or the text."""
 
+_GAINS = "drive:angular:physics:{0} drive:linear:physics:{0}".format
+STAGE_KEYS: Mapping[str, Sequence[str]] = {
+    "mass": ("physics:mass", "physics:density"),
+    "centre": ("physics:centerOfMass",),
+    "inertia": ("newton:inertia", "physics:diagonalInertia", "physics:principalAxes"),
+    "axis": ("physics:axis", "physics:localRot1", "physics:localRot0"),
+    "zero": ("physics:localRot0", "physics:localRot1"),
+    "anchor": ("physics:localPos0", "physics:localPos1"),
+    "armature": ("newton:armature",),
+    "friction": ("newton:friction",),
+    "damping": ("newton:damping", *_GAINS("damping").split()),
+    "stiffness": _GAINS("stiffness").split(),
+    "rest": _GAINS("targetPosition").split(),
+    "effort": _GAINS("maxForce").split(),
+    "range": ("physics:lowerLimit", "physics:upperLimit"),
+    "velocity": ("newton:velocityLimit",),
+}
+"""Attributes of the numbers of a property in USD."""
+
 Lines = tuple[SourceLine | None, SourceLine | None]
 """The lines of A and of B, if known."""
 
@@ -223,9 +268,14 @@ def lines_of(a: ModelSide, b: ModelSide, what: str, names: tuple[str, str]) -> L
     spots_by_key = [{key: _spot(chain, key) for key in KEYS.get(what, ())} for chain in chains]
     texts = [{key: spot[0] for key, spot in one.items() if spot} for one in spots_by_key]
     keys = [key for key in spots_by_key[0] if texts[0].get(key) != texts[1].get(key)]
+    stages = [one.stage_values(what, name) for one, name in zip((a, b), names, strict=True)]
+    here, there = (
+        [place for key, (value, place) in rows.items() if (value,) != other.get(key, ())[:1]]
+        for rows, other in (stages, stages[::-1])
+    )
     return (
-        _first_line(a.file, chains[0], spots_by_key[0], keys),
-        _first_line(b.file, chains[1], spots_by_key[1], keys),
+        next(iter(here), None) or _first_line(a.file, chains[0], spots_by_key[0], keys),
+        next(iter(there), None) or _first_line(b.file, chains[1], spots_by_key[1], keys),
     )
 
 

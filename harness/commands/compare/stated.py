@@ -22,16 +22,8 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .alignment import SAME, Aligned, angle_of
-from .match import (
-    JointPair,
-)
-from .side import (
-    KEYS,
-    Difference,
-    ModelSide,
-    lines_of,
-    make_property,
-)
+from .match import JointPair
+from .side import KEYS, Difference, ModelSide, lines_of, make_property
 
 make_stated = partial(make_property, moves=False)
 

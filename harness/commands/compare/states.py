@@ -25,10 +25,7 @@ from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import rate_of, samples, within
 from physics_crosscheck.reference.solving.segments import Segments
 from .candidate import CompareError, Facts
-from .match import (
-    Match,
-    pairs_of,
-)
+from .match import Match, pairs_of
 from .segments import quick
 from .side import FileEquations
 

@@ -22,11 +22,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from physics_crosscheck.harness.baseline.classify import Change, classify, gone, unaccepted_findings
-from physics_crosscheck.harness.baseline.content import (
-    MOST_SHOWN,
-    changed_value,
-    element_changes,
-)
+from physics_crosscheck.harness.baseline.content import MOST_SHOWN, changed_value, element_changes
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import (
     OTHER_FILES,

@@ -9,9 +9,8 @@ from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.robot_targets import source_file
 from physics_crosscheck.harness.results.visible import odd_name, visible
-from .folder import NewError
+from .folder import NewError, plain
 from .from_tree import from_tree
-from .text import plain
 
 GRAVITY, STEP = 9.81, 0.002
 """Values of a new sidecar for a format that states none, m/s^2 and s."""

@@ -15,14 +15,7 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody, Triple
 from physics_crosscheck.reference.mechanism.rotations import Array, to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Kind
-from ..document import (
-    GRAVITY,
-    Document,
-    FileLink,
-    Mimic,
-    add_loop_problems,
-    free_name,
-)
+from ..document import GRAVITY, Document, FileLink, Mimic, add_loop_problems, free_name
 from ..elements import XmlElement
 from ..errors import quote
 from .frames import MODEL, WORLD, SdfFrames, automatic_inertia, inverse, is_automatic, read_pose

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.conformance import described, forces, rollouts
+from physics_crosscheck.harness.engines.conformance import adapter_checks
 from physics_crosscheck.harness.engines.conformance.subject import (
     ConformanceError,
     ConformanceSubject,
@@ -21,28 +21,28 @@ from physics_crosscheck.harness.engines.conformance.subject import (
 from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 
 CHECKS: tuple[Callable[[ConformanceSubject], None], ...] = (
-    described.engine_is_described,
-    described.model_is_described,
-    described.hooks_have_their_shapes,
-    described.the_step_stays_the_shipped_one,
-    rollouts.rollouts_have_their_shape,
-    rollouts.every_gives_the_ends_of_shorter_rollouts,
-    rollouts.arguments_are_left_alone,
-    rollouts.results_are_the_callers,
-    rollouts.a_rollout_repeats_bitwise,
-    rollouts.an_earlier_step_leaves_no_trace,
-    rollouts.an_earlier_force_leaves_no_trace,
-    rollouts.a_batch_is_its_rows_one_by_one,
-    forces.a_force_acts_in_its_own_step,
-    forces.impulses_are_in_proportion,
-    forces.a_force_by_state_is_the_same_force,
-    forces.a_force_by_state_sees_the_start_of_its_step,
-    rollouts.what_is_not_finite_is_returned_so,
-    rollouts.what_is_not_finite_spoils_nothing,
-    forces.orders_are_as_claimed,
-    forces.accelerations_are_those_of_small_steps,
-    described.errors_name_the_file,
-    described.an_unknown_setting_is_refused,
+    adapter_checks.engine_is_described,
+    adapter_checks.model_is_described,
+    adapter_checks.hooks_have_their_shapes,
+    adapter_checks.the_step_stays_the_shipped_one,
+    adapter_checks.rollouts_have_their_shape,
+    adapter_checks.every_gives_the_ends_of_shorter_rollouts,
+    adapter_checks.arguments_are_left_alone,
+    adapter_checks.results_are_the_callers,
+    adapter_checks.a_rollout_repeats_bitwise,
+    adapter_checks.an_earlier_step_leaves_no_trace,
+    adapter_checks.an_earlier_force_leaves_no_trace,
+    adapter_checks.a_batch_is_its_rows_one_by_one,
+    adapter_checks.a_force_acts_in_its_own_step,
+    adapter_checks.impulses_are_in_proportion,
+    adapter_checks.a_force_by_state_is_the_same_force,
+    adapter_checks.a_force_by_state_sees_the_start_of_its_step,
+    adapter_checks.what_is_not_finite_is_returned_so,
+    adapter_checks.what_is_not_finite_spoils_nothing,
+    adapter_checks.orders_are_as_claimed,
+    adapter_checks.accelerations_are_those_of_small_steps,
+    adapter_checks.errors_name_the_file,
+    adapter_checks.an_unknown_setting_is_refused,
 )
 """All checks, in the order in which they are reported."""
 

@@ -53,9 +53,10 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import open_stage, sample_stages
+from physics_crosscheck.harness.engines.source import open_stage, sample_stages, shortened
 from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 from physics_crosscheck.reference.mechanism.laws import Substeps
 from physics_crosscheck.reference.mechanism.rotations import (
     SpatialInertia,
@@ -76,7 +77,7 @@ FREED = "PhysX's free root: the articulation root is on the body of a fixed base
 """The cause of the difference that `root_as_stated` removes."""
 
 DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
-    "smooth": False,
+    **ROBOTS,
     # Angular damping of each link, 1/s, unless the file states it; PhysX's own is 0.05.
     "angular_damping": 0.0,
     # Whether links turn by at most 100 rad/s unless the file states it.
@@ -86,8 +87,8 @@ DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
     "root_as_stated": True,
 })  # fmt: skip
 
-UNLIMITED = 1e30
-"""PhysX stores the largest 32-bit number for a missing limit."""
+UNLIMITED = 1e4
+"""Positions, rad or m, beyond which no limit counts; PhysX stores 3e38 for a missing one."""
 
 
 class PhysxEngine(UrdfEngine):
@@ -104,9 +105,9 @@ class PhysxEngine(UrdfEngine):
     capabilities = (
         "joints: slide, hinge, floating root",
         "springs: drives of joints",
-        "mimic: no",
+        "mimic: constraint between joints",
         "next state: with a fixed base, without springs of slides",
-        "accelerations: with a fixed base",
+        "accelerations: yes, without mimic and acceleration drives",
         "linearization: from steps, 32 bits",
         "steps: substeps of semi-implicit Euler, order 1, 32 bits",
         "whole step: not judged",
@@ -184,15 +185,17 @@ class PhysxModel(TreeModel):
     @property
     def step_rule(self) -> StepRule | None:
         """The rule: substeps, with a fixed base and without springs of slides."""
-        if not self._is_stiff or np.any(self._steps.stiffness[self._slides]):
+        has_rule = not self.floats and self._is_plain
+        if not has_rule or np.any(self._steps.stiffness[self._slides]):
             return None
         count, repeats = self._layer.iterations
         return self._steps.rule(count, repeats, self._depth_first)
 
     @property
-    def _is_stiff(self) -> bool:
-        """True if PhysX holds the base itself, and drives are forces."""
-        return self._scene.fixed and not np.any(self._scene.read("DOF_DRIVE_TYPE") == 2)
+    def _is_plain(self) -> bool:
+        """True if no joint follows another one, and no drive's gains are accelerations."""
+        by_acceleration = self._scene.read("DOF_DRIVE_TYPE") == 2
+        return not (self._layer.followers or by_acceleration.any())
 
     @cached_property
     def _depth_first(self) -> tuple[int, ...]:
@@ -203,7 +206,7 @@ class PhysxModel(TreeModel):
         def visit(link: str) -> None:
             passed.add(link)
             reached = {}
-            for joint, (first, second) in ends.items():
+            for joint, first, second in ends:
                 if link in (first, second):
                     reached[second if link == first else first] = joint
             for child in [name for name in scene.links if name in reached]:
@@ -239,9 +242,10 @@ class PhysxModel(TreeModel):
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
         """Return M^-1 (f - C - G) of PhysX's tensors, with drives and dampers.
 
-        None where PhysX does not hold the base itself, or gains of drives are accelerations.
+        None where PhysX does not hold the base itself, joints follow others, or gains of drives
+        are accelerations.
         """
-        if not self._is_stiff:
+        if not (self._is_plain and (self.floats or self._scene.fixed)):
             return None
         result = np.full_like(z, np.nan)
         between = (self.limits[:, 0] <= z) & (z <= self.limits[:, 1])
@@ -266,12 +270,18 @@ class PhysxModel(TreeModel):
         """Yield active effects of the engine, and masses that it assumes."""
         for cause, settings in self.corrective_settings.items():
             (key,) = settings
-            shows = ("damping",) if key in PHYSX_EFFECTS else ("inertia",)
-            address = f"sidecar:settings.{key}"
-            yield Remark(kind="setting", message=cause, address=address, shows_in=shows)
+            is_own = key in PHYSX_EFFECTS
+            address = f"sidecar:settings.{key}" if is_own else self._layer.stated_root
+            shows = ("damping",) if is_own else ("inertia",)
+            yield Remark(
+                kind="setting", message=cause, address=address, shows_in=shows, fault=not is_own
+            )
+        if names := self._layer.momentless:
+            message = f"PhysX replaces the moments of {shortened(names)}: the file states none"
+            yield Remark(kind="inertial", message=message, shows_in=("inertia",))
         masses = self._scene.read("BODY_MASS")
         for name, mass in zip(self._scene.links, masses, strict=True):
-            if name in self._layer.massless:
+            if name in self._layer.massless and mass == 1.0:
                 message = f"PhysX gives {self._layer.links[name]} {mass:g} kg, since it has no mass"
                 yield Remark(kind="inertial", message=message, shows_in=("inertia",))
 
@@ -399,15 +409,29 @@ class _ArticulationSteps(Stepper):
             scene.write("DOF_ACTUATION_FORCE", 0 * force[first:])
 
     def acceleration(self, q: Array, v: Array, force: Array) -> Array:
-        """Return accelerations at a state with a fixed base."""
-        scene, units, law = self._scene, self.units, self._law
+        """Return accelerations at a state; those of a free root are of its centre in PhysX."""
+        scene, units, law, first = self._scene, self.units, self._law, self._first
         self.reset(q, v)
-        servo = law.stiffness * (law.target - q) + law.damping * (law.speed - v)
-        total = np.clip(servo + force, -law.effort, law.effort) - law.passive * v
+        x, m, push = q[first:], v[first:], force[first:]
+        servo = law.stiffness * (law.target - x) + law.damping * (law.speed - m)
+        applied = np.clip(servo + push, -law.effort, law.effort) - law.passive * m
+        applied = applied * units.joints / units.energy
+        mass = scene.read("MASS_MATRIX")
+        mass[first:, first:] += np.diag(scene.read("DOF_ARMATURE"))
+        turn = from_quaternion(self._near)
+        arm = turn @ self._centre
+        if first:
+            moment = turn @ force[3:FREE] - np.cross(arm, force[:3])
+            root = np.concatenate([force[:3] * units.length, moment]) / units.energy
+            applied = np.concatenate([root, applied])
         weight = scene.read("GRAVITY_FORCE") + scene.read("CORIOLIS_AND_CENTRIFUGAL_FORCE")
-        mass = scene.read("MASS_MATRIX") + np.diag(scene.read("DOF_ARMATURE"))
-        total = total * units.joints / units.energy - weight
-        result: Array = np.linalg.solve(mass, total) * units.joints
+        result = np.asarray(np.linalg.solve(mass, applied - weight), dtype=np.float64)
+        result[first:] *= units.joints
+        if first:
+            spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
+            moved = np.cross(result[3:FREE], arm) + np.cross(spin, np.cross(spin, arm))
+            result[:3] = result[:3] * units.length - moved
+            result[3:FREE] = turn.T @ result[3:FREE]
         return result
 
     @property

@@ -19,6 +19,9 @@ from physics_crosscheck.harness.engines.source import one_line
 FASTEST = 1e16
 """PhysX's own value of an unlimited speed."""
 
+FAR = 1e6
+"""Degrees, or units of length: a limit that no motion reaches."""
+
 ITERATIONS = 32
 """Position iterations of an articulation that states none."""
 
@@ -119,14 +122,16 @@ class StageLayer:
 
     Attributes:
         text: of the layer.
-        root: path of the prim with the articulation root.
+        root: path of the prim with the articulation root; `stated_root` that of the file.
         base: path of the joint that fixes a body to the world; empty for a floating root.
         iterations: numbers of position and velocity iterations of a step.
         joints: path, type and name here of slides and hinges, by PhysX's name.
         links: names of bodies here by PhysX's name.
+        followers: PhysX's names of joints that follow another one.
         massless: PhysX's names of bodies for which the file states no mass.
+        momentless: names here of bodies for which it states no moments of inertia.
         limits: of slides and hinges in the file, m or rad, by PhysX's name.
-        ends: PhysX's names of the two bodies of each joint; empty for the world.
+        ends: PhysX's names of each joint and of its two bodies; empty for the world.
 
     Raises:
         UnsupportedError: without exactly one articulation root, or with equal names.
@@ -137,18 +142,28 @@ class StageLayer:
         physics = file.pxr.UsdPhysics
         bodies = [prim for prim in file.prims if BODY in prim.GetAppliedSchemas()]
         joints = [prim for prim in file.prims if prim.IsA(physics.Joint)]
-        self.links = self._named(bodies)
-        names = self._named(joints)
+        moving = [prim for prim in joints if prim.GetTypeName() in (HINGE, SLIDE)]
+        self.links, names = self._named(bodies, bodies), self._named(moving, joints)
         self.joints = {
             prim.GetName(): (str(prim.GetPath()), str(prim.GetTypeName()), names[prim.GetName()])
-            for prim in joints
-            if prim.GetTypeName() in (HINGE, SLIDE)
+            for prim in moving
+        }
+        self.followers = {
+            prim.GetName()
+            for prim in moving
+            for name in prim.GetAuthoredPropertyNames()
+            if name.startswith(("newton:mimicJoint", "physxMimicJoint:"))
         }
         self.massless = {
             one.GetName() for one in bodies if file.stated(one, "physics:mass") in (None, 0.0)
         }
+        self.momentless = [
+            self.links[one.GetName()]
+            for one in bodies
+            if not any(file.stated(one, "physics:diagonalInertia") or ())
+        ]
         self.limits = {one: self._limits(*self.joints[one][:2]) for one in self.joints}
-        self.ends = {one.GetName(): (self._end(one, 0), self._end(one, 1)) for one in joints}
+        self.ends = [(one.GetName(), self._end(one, 0), self._end(one, 1)) for one in joints]
         self.base = next(self._bases(joints), "")
         roots = [prim for prim in file.prims if ROOT in prim.GetAppliedSchemas()]
         if len(roots) != 1:
@@ -156,6 +171,7 @@ class StageLayer:
             problem += " joins bodies without it by constraints"
             raise UnsupportedError(problem, file=file.path)
         with file.pxr.Usd.EditContext(file.stage, file.stage.GetSessionLayer()):
+            self.stated_root = str(roots[0].GetPath())
             self.root = self._place_root(roots[0], bodies)
             shapes = self._outer_shapes() if settings["smooth"] else ()
             for path in [one.GetPath() for one in bodies]:
@@ -167,12 +183,13 @@ class StageLayer:
                 self._set_gravity(settings["gravity"])  # type: ignore[arg-type]
         self.text = self._written()
 
-    def _named(self, prims: Sequence[Any]) -> dict[str, str]:
+    def _named(self, prims: Sequence[Any], among: Sequence[Any]) -> dict[str, str]:
         """Return the names of prims here by their own, which PhysX uses."""
-        tails = unique_tails([str(one.GetPath()) for one in prims])
-        names = {one.GetName(): tail for one, tail in zip(prims, tails, strict=True)}
+        paths = [str(one.GetPath()) for one in among]
+        tails = dict(zip(paths, unique_tails(paths), strict=True))
+        names = {one.GetName(): tails[str(one.GetPath())] for one in prims}
         if len(names) < len(prims):
-            twice = next(tail for tail in tails if "/" in tail)
+            twice = next(tail for tail in tails.values() if "/" in tail)
             problem = f"{twice} has the name of another prim, and PhysX names them alike"
             raise UnsupportedError(problem, file=self._file.path)
         return names
@@ -195,10 +212,10 @@ class StageLayer:
 
     def _bases(self, joints: Sequence[Any]) -> Iterator[str]:
         """Yield the paths of joints that fix a body to the world."""
-        for prim in joints:
+        for prim, (_, *ends) in zip(joints, self.ends, strict=True):
             is_loose = self._file.value(prim, "physics:excludeFromArticulation", False)
             is_on = self._file.value(prim, "physics:jointEnabled", True)
-            is_fixed = prim.GetTypeName() == FIXED and "" in self.ends[prim.GetName()]
+            is_fixed = prim.GetTypeName() == FIXED and "" in ends
             if is_fixed and is_on and not is_loose:
                 yield str(prim.GetPath())
 
@@ -210,7 +227,7 @@ class StageLayer:
             moves = is_body and not self._settings["root_as_stated"]
             path = self.base if moves else path
         elif not is_body:  # PhysX would choose the body with the shortest branches
-            children = {child for _, child in self.ends.values()}
+            children = {child for _, _, child in self.ends}
             roots = [one for one in bodies if one.GetName() not in children]
             path = str((roots or bodies)[0].GetPath())
         numbers: dict[str, Any] = {
@@ -224,7 +241,7 @@ class StageLayer:
         numbers["enabledSelfCollisions"] = collides is not False and not self._settings["smooth"]
         numbers["sleepThreshold"] = 0.0
         if path != str(prim.GetPath()):
-            for name in (ROOT, ARTICULATION):
+            for name in (ROOT, ARTICULATION, "NewtonArticulationRootAPI"):  # the last one has ROOT
                 self._copied(prim.GetPath()).RemoveAppliedSchema(name)
         root = self._copied(path)
         root.AddAppliedSchema(ROOT)
@@ -251,9 +268,10 @@ class StageLayer:
                 self._file.fix_joint(self._file.stage.GetPrimAtPath(path))
                 del self.joints[name]
             elif self._settings["smooth"]:
-                prim = self._copied(path)
-                self._set(prim, "", "physics:lowerLimit", -np.inf)
-                self._set(prim, "", "physics:upperLimit", np.inf)
+                # PhysX drops a follower if it or its leader has no finite limits.
+                prim, far = self._copied(path), FAR if self.followers else np.inf
+                self._set(prim, "", "physics:lowerLimit", -far)
+                self._set(prim, "", "physics:upperLimit", far)
 
     def _outer_shapes(self) -> list[Any]:
         """Return the paths of shapes that collide and are of no body."""

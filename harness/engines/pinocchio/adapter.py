@@ -28,8 +28,12 @@ from physics_crosscheck.harness.engines.mjcf_engine import (
     sample_mjcf,
 )
 from physics_crosscheck.harness.engines.mjcf_joints import rows_of
-from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
-from physics_crosscheck.harness.engines.pinocchio.reading import GROUND, build_urdf, read_mjcf
+from physics_crosscheck.harness.engines.pinocchio.model import (
+    GROUND,
+    PinocchioModel,
+    build_urdf,
+    read_mjcf,
+)
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,

@@ -29,11 +29,7 @@ from physics_crosscheck.harness.engines.pybullet.stepper import (
     forget_contacts,
     link_places,
 )
-from physics_crosscheck.reference.mechanism.laws import (
-    HardSurface,
-    ImpulseContact,
-    ImpulseRules,
-)
+from physics_crosscheck.reference.mechanism.laws import HardSurface, ImpulseContact, ImpulseRules
 from physics_crosscheck.reference.mechanism.rotations import (
     coordinate_rate,
     from_quaternion,

@@ -14,8 +14,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepRow
 from physics_crosscheck.reference.load import load_declaration
 from physics_crosscheck.reference.mechanism.assemble import MultibodySystem
-from .planned import Block, CaseRecord, Planned
-from .source import Source
+from .planned import Block, CaseRecord, Planned, Source
 from .system import Swept
 from .trees import SweptTree
 

@@ -48,12 +48,10 @@ from physics_crosscheck.harness.render.terminal.console import terminal
 from physics_crosscheck.harness.render.terminal.progress import Counter
 from physics_crosscheck.harness.render.terminal.sweep import print_sweep, row_lines
 from .case import run_block
-from .draws import Design, SweepOptions
-from .factors import SweepError, factors
-from .plan import CasePlan, plan
+from .factors import Design, SweepError, SweepOptions, factors
+from .plan import CasePlan, SourceSurvey, plan, survey
 from .planned import Block, blank
 from .store import RowsError, Store, arrow, begin, done, kept, locked_rows, plan_of, read_rows
-from .survey import SourceSurvey, survey
 
 
 class LargestRows:

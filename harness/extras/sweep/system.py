@@ -12,11 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from physics_crosscheck.harness.checks.by_steps import (
-    SteppedModel,
-    StepsVerdict,
-    decide_by_steps,
-)
+from physics_crosscheck.harness.checks.by_steps import SteppedModel, StepsVerdict, decide_by_steps
 from physics_crosscheck.harness.checks.case import StepError
 from physics_crosscheck.harness.checks.prepare import STEPPED
 from physics_crosscheck.harness.checks.verdict import (
@@ -55,8 +51,7 @@ from physics_crosscheck.reference.solving.next_state import (
 )
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
-from .planned import Block, CaseRecord, Planned, StepClock
-from .source import Integrators, RecentValues, Source
+from .planned import Block, CaseRecord, Integrators, Planned, RecentValues, Source, StepClock
 
 
 @dataclass(frozen=True)

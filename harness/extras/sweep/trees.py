@@ -30,8 +30,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.samples import solved
-from .planned import Block, CaseRecord, Planned, StepClock
-from .source import Integrators, RecentValues, Source
+from .planned import Block, CaseRecord, Integrators, Planned, RecentValues, Source, StepClock
 
 _READ = ("floating", "held", "controls", "model", "gravity")
 """Settings that decide how a file is read, apart from the engine that runs it."""

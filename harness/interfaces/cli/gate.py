@@ -15,12 +15,12 @@ from physics_crosscheck.harness.commands.gate.gate import (
     moving_models,
     robots_in,
 )
-from physics_crosscheck.harness.commands.gate.notes import notes
 from physics_crosscheck.harness.commands.gate.result import GateResult
 from physics_crosscheck.harness.commands.gate.text import (
     code_hint,
     gate_lines,
     headline,
+    notes,
     remedy,
     summary,
     total,
@@ -46,14 +46,10 @@ from physics_crosscheck.harness.results.places import shown_path
 from .exit_codes import AGREE, DIFFER, FAIL
 from .targets import resolve_targets, run_options
 
-PAGE_COLUMNS = 110
-"""Width of the remedy on the page."""
-
 
 def main(options: argparse.Namespace) -> int:
     """Run the gate, print and annotate its findings, and write its files."""
     check_engines(options.engines)
-    _check_page(options.out / "gate.html")
     folders, what = targets_and_options(options)
     with LateProgress() as progress:
         result = gate(folders, what, progress)
@@ -74,33 +70,20 @@ def main(options: argparse.Namespace) -> int:
     return code(result)
 
 
-def _check_page(page: Path) -> None:
-    """Reject an existing page of another program; a gate without one imports no renderer."""
-    if page.exists():
-        from .report import check_page
-
-        check_page(page)
-
-
 def _page(result: GateResult, options: argparse.Namespace) -> Path | None:
     """Write the page of a gate in which something ran or changed; remove that of an earlier one."""
     page: Path = options.out / "gate.html"
-    listed = [one for one in result.changes if one.status is not Status.SAME]
+    listed = [(one.diff, one.case) for one in result.changes if one.status is not Status.SAME]
     if result.results is None and not listed:
         page.unlink(missing_ok=True)
         return None
-    from physics_crosscheck.harness.render.html.comparison import write_gate
+    from physics_crosscheck.harness.render.html.comparison import TEXT_COLUMNS, write_gate
+    from .report import check_page
 
-    accept = [] if result.passes else remedy(result, PAGE_COLUMNS, _accept_options(options))
-    write_gate(
-        page,
-        result.record(),
-        [(one.diff, one.case) for one in listed],
-        result.results,
-        sentence=headline(result),
-        total=total(result),
-        remedy=accept,
-    )
+    check_page(page)
+    accept = [] if result.passes else remedy(result, TEXT_COLUMNS, _accept_options(options))
+    texts = headline(result), total(result), accept
+    write_gate(page, result.record(), listed, result.results, texts)
     return page
 
 

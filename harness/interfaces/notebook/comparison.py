@@ -17,10 +17,7 @@ from physics_crosscheck.harness.commands.compare.candidate import (
     FailureError,
     candidates,
 )
-from physics_crosscheck.harness.commands.compare.compare import (
-    CompareOptions,
-    failed_comparison,
-)
+from physics_crosscheck.harness.commands.compare.compare import CompareOptions, failed_comparison
 from physics_crosscheck.harness.commands.compare.compare import compare as compared
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.jobs.environment import without_main

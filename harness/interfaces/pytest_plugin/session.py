@@ -23,10 +23,7 @@ from physics_crosscheck.harness.modelfiles.folders import (
     system_folders,
 )
 from physics_crosscheck.harness.modelfiles.model_files import absent_engine_lines
-from physics_crosscheck.harness.modelfiles.robot_targets import (
-    NamedRobots,
-    robot_files,
-)
+from physics_crosscheck.harness.modelfiles.robot_targets import NamedRobots, robot_files
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.outcome import Outcome

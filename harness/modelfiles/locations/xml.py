@@ -10,11 +10,7 @@ from physics_crosscheck.harness.documents.elements import (
     read_elements,
     text_span,
 )
-from physics_crosscheck.harness.documents.errors import (
-    LocationError,
-    quote,
-    truncate,
-)
+from physics_crosscheck.harness.documents.errors import LocationError, quote, truncate
 from physics_crosscheck.harness.documents.reading import DECIMAL, Resolve, SourceFile, Span, nearest
 
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import jinja2
 from markupsafe import Markup, escape
@@ -22,6 +23,7 @@ from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results import coverage, next_steps
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from physics_crosscheck.harness.results.places import shown_path
+from ..terminal.comparison import values_of
 from ..terminal.table import summary
 from . import overview, remedies, systems
 from .cases import SYMBOLS, CaseView
@@ -116,59 +118,47 @@ def render(results: Results, out: Path = DEFAULT_OUT) -> str:
 
 
 def page_of_report(
-    report: Report,
-    places: str = "",
-    name: str = "report.html",
-    sentence: str = "",
-    **more: object,
+    report: Report, places: str = "", /, name: str = "report.html", **more: Any
 ) -> str:
-    """Return the page of a report.
+    """Return the page of a report by a template, as `page_of` does.
 
     Args:
         report: its content.
         places: JSON with the file of each case; empty if the page contains all cases.
         name: name of the template.
-        sentence: headline; empty: the first sentence of the report.
-        more: other variables of the template.
+        more: other variables of the template, such as `sentence`, its headline.
     """
     content, folders = report.content, report.folders.values()
     elsewhere: set[str] = set()
     if places:
         elsewhere = {name for view in report.cases for name in view.packs}
         elsewhere.update(name for folder in folders for name in folder.packs)
-    return page_of(
-        name,
-        ((name, content.text(name)) for name in content.names if name not in elsewhere),
-        plots=bool(content.names),
-        scenes=any(view.scene for view in report.cases),
-        places=places,
-        report=report,
-        folders=folders,
-        most=ROWS,
-        sentence=sentence or report.sentences[0],
-        **more,
-    )
+    packs = ((name, content.text(name)) for name in content.names if name not in elsewhere)
+    values = {"sentence": report.sentences[0], "report": report, "folders": folders, "most": ROWS}
+    drawn = {"plots": bool(content.names), "scenes": any(view.scene for view in report.cases)}
+    return page_of(name, packs, places, **{**values, **drawn, **more})
 
 
 def page_of(
     name: str,
     packs: Iterable[tuple[str, str]],
+    places: str = "",
     *,
     plots: bool = False,
     scenes: bool = False,
-    places: str = "",
+    folders: Iterable[FolderView] = (),
     sentence: str,
     **values: object,
 ) -> str:
-    """Return a page with the report's script.
+    """Return a page with the report's script, by a template that is or extends `report.html`.
 
     Args:
-        name: name of the template, `report.html` or one that extends it.
+        name, values: name and variables of the template.
         packs: ids and texts of its packs.
+        places: as in `page_of_report`.
         plots, scenes: whether it has plots, and bodies.
-        places: JSON with the file of each case; empty if the page contains all cases.
-        sentence: headline of the page.
-        values: other variables of the template.
+        folders: folders that its header names.
+        sentence: headline.
     """
     script, code = _inline(_script(plots=plots, scenes=scenes)), three_code() if scenes else ""
     return template(
@@ -176,12 +166,14 @@ def page_of(
         [script, *([code] if code else [])],
         bool(places),
         title=sentence,
+        sentence=sentence,
+        folders=folders,
         packs=packs,
         early=Markup(EARLY),
         script=Markup(script),
         whole=not places,
         places=Markup(_inline(places)),
-        **{"folders": (), "sentence": sentence, **values},
+        **values,
     )
 
 
@@ -233,7 +225,12 @@ def environment() -> jinja2.Environment:
         "unbroken": unbroken,
         "visible": shown,
     }
-    environment.globals |= {"summary": summary, "symbols": SYMBOLS, "worst_scene": worst_scene}
+    environment.globals |= {
+        "summary": summary,
+        "symbols": SYMBOLS,
+        "worst_scene": worst_scene,
+        "values_of": values_of,
+    }
     for module in (systems, overview, remedies, coverage, next_steps):
         environment.globals[module.__name__.rpartition(".")[2]] = module
     return environment

@@ -98,8 +98,7 @@ def sentence(model: Model) -> str:
 
 def placed_message(finding: AuditFinding) -> str:
     """Return a finding with its line, if it has one."""
-    place = short_places([finding.location])
-    return f"{place}: {finding.message}" if place else finding.message
+    return ": ".join(filter(None, (short_places([finding.location]), finding.message)))
 
 
 def _statements(model: Model, explanation: Explanation) -> Iterator[str]:

@@ -6,14 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from msgspec.structs import replace
-
 from physics_crosscheck.harness.records.case import ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.results.failure import advice_lines
 from physics_crosscheck.harness.results.issues import (
     audited_alike,
     collect_issues,
@@ -205,18 +202,9 @@ def standing_out(views: Iterable[CaseView]) -> Iterator[tuple[CaseView, str, str
         yield chaotic[0], what, str(len(chaotic))
 
 
-def implausible(models: Iterable[Model]) -> list[tuple[str, int, list[str], list[str]]]:
-    """Return each file with implausible numbers: its name, their number, a short list, and all."""
-    files = {(model.folder, model.model): model.advice for model in models if model.advice}
-    rows = []
-    for (_, name), advice in files.items():
-        named = [
-            replace(one, location=where and replace(where, file=where.file.rpartition("/")[2]))
-            for one in advice
-            for where in [one.location]
-        ]
-        rows.append((name, len(named), advice_lines(named), advice_lines(named, details=True)))
-    return rows
+def implausible(models: Iterable[Model]) -> Iterable[Model]:
+    """Return a model of each file with implausible numbers."""
+    return {(model.folder, model.model): model for model in models if model.advice}.values()
 
 
 MODEL_NOTES = frozenset({"reach", "unresolved", "rounded", "pose"})

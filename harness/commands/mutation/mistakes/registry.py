@@ -13,8 +13,7 @@ from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, at_constants, bindings
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
-from .context import Subject, rounded
-from .mistake import Edit, Mistake, literal_causes
+from .context import Edit, Mistake, Subject, literal_causes, rounded
 from .rests import moved_rest, radian, rests
 
 

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR
 from physics_crosscheck.harness.records.cause import CauseId
-from .context import Subject, rounded
-from .mistake import Edit, Mistake, literal_causes
+from .context import Edit, Mistake, Subject, literal_causes, rounded
 
 SHARE = 0.1
 """Offset as a share of the joint's largest movement."""

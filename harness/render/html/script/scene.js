@@ -162,13 +162,24 @@ class Viewer {
   }
 }
 
+/** Return a scene with the bodies of another robot after its own. */
+function bothRobots(scene, { other, ...more }) {
+  const later = (index, rows) => (index >= 0 ? index + rows.length : index);
+  const bodies = other.bodies.map((body) => ({ ...body, joint: later(body.joint, scene.joints),
+    shapes: body.shapes.map((shape) => ({ ...shape, mesh: shape.mesh == null ? null : later(shape.mesh, scene.meshes) })) }));
+  const joints = other.joints.map((joint) => ({ ...joint, parent: later(joint.parent, scene.joints) }));
+  const whole = { bodies, joints, placements: other.placements, velocities: other.velocities, accelerations: other.accelerations, home: other.home, meshes: other.meshes };
+  const joined = Object.entries(whole).map(([key, rows]) => [key, [...scene[key], ...rows]]);
+  return { ...scene, ...Object.fromEntries(joined), overlaid: { second: scene.bodies.length, ...more } };
+}
+
 /** Build the picture of a model's bodies, its controls, its heat map and its source. */
 async function buildScene(box) {
   if (box.dataset.built) return;
   box.dataset.built = "begun";
   const states = box.dataset.states ? await pack(box.dataset.states) : null;
   const { scene: bodies, overlaid } = await pack(box.dataset.scene);
-  const scene = { ...withDots(bodies, states ?? overlaid), overlaid };
+  const scene = withDots(overlaid ? bothRobots(bodies, overlaid) : bodies, states ?? overlaid);
   const style = getComputedStyle(box);
   const colours = Object.fromEntries(["body", "engine", "second", "lit", "chosen", "inertia", "solid", "contact", "limit", "drive", "grid", "x", "y", "z"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const plain = make("canvas", { tabindex: 0, role: "img", "aria-label": box.dataset.about });
