@@ -11,10 +11,9 @@ import os
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,12 +72,8 @@ _UNBOUNDED = re.compile(r"\w*(Limit|low|high|maxForce|velocityLimit|centerOfMass
 """Ends of names of values that may be infinite."""
 
 
-def import_usd(file: Path) -> Any:
-    """Return the package `pxr` with its modules.
-
-    Raises:
-        LocationError: if no package of OpenUSD is installed.
-    """
+def _import_usd(file: Path) -> Any:
+    """Return the package `pxr` with its modules, or raise `LocationError` without OpenUSD."""
     try:
         import pxr
         from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils  # noqa: F401
@@ -88,14 +83,10 @@ def import_usd(file: Path) -> Any:
     return pxr
 
 
-@dataclass(frozen=True, kw_only=True)
-class UsdPlace:
-    """The place of a value.
+class UsdPlace(NamedTuple):
+    """The layer that states a value, its line from 1 if it is text, and the prim and property.
 
-    Attributes:
-        file: the layer with the strongest opinion; the root layer for a fallback.
-        line: of the layer, from 1; None in a binary one, and for a fallback.
-        address: the prim's path and the property.
+    For a fallback it is the root layer, without a line.
     """
 
     file: Path
@@ -113,9 +104,9 @@ class UsdStage:
 
     Attributes:
         stage: of OpenUSD.
+        selection: selected variants of all sets, such as `size=large`.
         unit, mass_unit: m and kg per unit.
         up: index of the up axis.
-        prims: all of them, with those of instances.
         obstacles: problems so far.
 
     Raises:
@@ -125,16 +116,16 @@ class UsdStage:
     def __init__(
         self, path: Path, variants: Mapping[str, str] | None = None, *, allow_outside: bool = False
     ) -> None:
-        pxr = self.pxr = import_usd(path)
+        pxr = self.pxr = _import_usd(path)
         self.path, self.obstacles = path, list[ReadError]()
         self._changed: dict[tuple[str, str], Any] = {}
-        self._wrong = set[tuple[str, str]]()
         self._lines: dict[str, Mapping[str, int]] = {}
         # Held while it opens, so that warnings stay off the screen.
         delegate = pxr.UsdUtils.CoalescingDiagnosticDelegate()
         try:
-            root = checked_root(path, allow_outside=allow_outside)
-            self._session = pxr.Sdf.Layer.CreateAnonymous(".usda")
+            root = _checked_root(pxr, path, allow_outside)
+            self._session, self._moves = (pxr.Sdf.Layer.CreateAnonymous(".usda") for _ in range(2))
+            self._session.subLayerPaths.append(self._moves.identifier)
             self.stage = pxr.Usd.Stage.Open(root, self._session)
             self.selection = self._select(variants or {})
             errors = self.stage.GetCompositionErrors()
@@ -149,10 +140,9 @@ class UsdStage:
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
     def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
-        """Select variants, and return the selection of all sets, such as `size=large`."""
         chosen: dict[str, None] = {}
         unused = dict(variants)
-        for prim in self._traversed():
+        for prim in self.prims:
             sets = prim.GetVariantSets()
             for name in sets.GetNames():
                 variant_set = sets.GetVariantSet(name)
@@ -169,35 +159,52 @@ class UsdStage:
                     unused.pop(name, None)
                 if selected := variant_set.GetVariantSelection():
                     chosen[f"{name}={selected}"] = None
-        if unused:
-            raise LocationError(
-                f"it has no variant set {quote(next(iter(unused)))}", file=self.path
-            )
+        for name in unused:
+            raise LocationError(f"it has no variant set {quote(name)}", file=self.path)
+        del self.prims  # those of the variants follow
         return tuple(chosen)
-
-    def _traversed(self) -> list[Any]:
-        usd = self.pxr.Usd
-        root = self.stage.GetPseudoRoot()
-        return list(usd.PrimRange(root, usd.TraverseInstanceProxies()))[1:]
 
     @cached_property
     def prims(self) -> tuple[Any, ...]:
-        """All prims, depth first."""
-        return tuple(self._traversed())
+        """All prims, depth first, with those of instances."""
+        usd = self.pxr.Usd
+        every = usd.PrimRange(self.stage.GetPseudoRoot(), usd.TraverseInstanceProxies())
+        return tuple(every)[1:]
+
+    @cached_property
+    def bodies(self) -> Mapping[str, Any]:
+        """Rigid bodies by name, the shortest unique end of the path."""
+        rigid = self.pxr.UsdPhysics.RigidBodyAPI
+        return _named([prim for prim in self.prims if prim.HasAPI(rigid)])
+
+    @cached_property
+    def joints(self) -> Mapping[str, Any]:
+        """Joints of all types by name."""
+        joint_type = self.pxr.UsdPhysics.Joint
+        return _named([prim for prim in self.prims if prim.IsA(joint_type)])
+
+    @cached_property
+    def body_names(self) -> Mapping[Any, str]:
+        """Names of rigid bodies by prim."""
+        return {prim: name for name, prim in self.bodies.items()}
+
+    def body_above(self, prim: Any) -> Any:
+        """Return the rigid body that holds a prim, or that it is; None without one."""
+        while prim and prim not in self.body_names:
+            prim = prim.GetParent()
+        return prim or None
 
     @cached_property
     def _scene(self) -> Any:
-        return next((one for one in self.prims if one.GetTypeName() == "PhysicsScene"), None)
+        scenes = (prim for prim in self.prims if prim.GetTypeName() == "PhysicsScene")
+        return next(scenes, None)
 
     @property
     def gravity(self) -> tuple[float, float, float]:
         """Gravity of the first scene, m/s^2; along the up axis where it states no direction."""
-        direction, size = np.zeros(3), EARTH
-        if self._scene is not None:
-            stated = self.value(self._scene, "physics:gravityDirection", (0.0, 0.0, 0.0))
-            direction = np.array(stated, dtype=float)
-            given = self.value(self._scene, "physics:gravityMagnitude", -1.0)
-            size = EARTH if given < 0 else given * self.unit
+        direction = np.array(self.value(self._scene, "physics:gravityDirection", (0.0, 0.0, 0.0)))
+        stated = self.value(self._scene, "physics:gravityMagnitude", -1.0)
+        size = EARTH if stated < 0 else stated * self.unit
         if not direction.any():
             direction = -np.eye(3)[self.up]
         x, y, z = (size * direction / np.linalg.norm(direction)).tolist()
@@ -206,61 +213,45 @@ class UsdStage:
     @property
     def settings(self) -> dict[str, object]:
         """Settings of engines that the file states: gravity, and the time step of its scene."""
-        scene = self._scene
         names = ("newton:timeStepsPerSecond", "physxScene:timeStepsPerSecond")
-        rates = [self.stated(scene, one) for one in names if scene is not None]
-        rate = next(filter(None, rates), None)
+        rate = next(filter(None, (self.stated(self._scene, name) for name in names)), None)
         return {"gravity": list(self.gravity), **({"step": 1 / rate} if rate else {})}
 
     def add_problem(
         self, prim: Any, sentence: str, remedy: str, kind: ReadKind = "robot", name: str = ""
     ) -> None:
         """Add a problem of a prim, or of a property of it, that prevents building a tree."""
-        place = self.place(prim, name)
+        file, line, address = self.place(prim, name)
+        sentence = f"{address}: {sentence}"
         self.obstacles.append(
-            ReadError(
-                sentence=f"{place.address}: {sentence}",
-                file=place.file,
-                line=place.line or 0,
-                remedy=remedy,
-                kind=kind,
-            )
+            ReadError(sentence=sentence, file=file, line=line or 0, remedy=remedy, kind=kind)
         )
 
     def value(self, prim: Any, name: str, default: Any = None) -> Any:
-        """Return the composed value of an attribute, or its fallback, or the default."""
+        """Return the composed value of an attribute, or its fallback, or the default.
+
+        Vectors are tuples, and quaternions (w, x, y, z). A value of a wrong type adds a problem.
+        """
+        attribute = prim.GetAttribute(name) if prim else None
+        if not attribute:
+            return default
         key = str(prim.GetPath()), name
         if key in self._changed:
             return self._changed[key]
-        attribute = prim.GetAttribute(name)
-        value = attribute.Get() if attribute else None
-        return default if value is None else self._checked(prim, name, plain(value), default)
-
-    def _checked(self, prim: Any, name: str, value: Any, default: Any) -> Any:
-        """Return a value of the type that its name has, or add a problem and return the default."""
-        last = name.rpartition(":")[2]
-        words, numbers = _WORDS.get(last), value if isinstance(value, tuple) else (value,)
-        if words is not None:
-            wrong = "" if value in words else f"it is {quote(str(value))}, not {' or '.join(words)}"
-        elif not _PHYSICAL.fullmatch(name) or name.startswith("xformOp"):
-            return value
-        elif not all(isinstance(one, (float, bool)) for one in numbers):
-            wrong = f"it is a {type(value).__name__}, not a number"
-        elif len(numbers) != _LENGTHS.get(last.rstrip("01"), 1) and last != "inertia":
-            wrong = f"it has {len(numbers)} numbers"
-        elif any(map(math.isnan, numbers)):
-            wrong = "it is not a number"
-        else:
-            is_bounded = all(map(math.isfinite, numbers)) or _UNBOUNDED.fullmatch(last)
-            wrong = "" if is_bounded else "it is infinite"
-        if wrong and (str(prim.GetPath()), name) not in self._wrong:
-            self._wrong.add((str(prim.GetPath()), name))
+        value = attribute.Get()
+        if value is None:
+            return default
+        words = _words(value)
+        if words:
+            value = words[0] if isinstance(value, (int, float)) else words
+        if wrong := _wrong(name, value):
             self.add_problem(prim, wrong, "correct it", name=name)
-        return default if wrong else value
+            return default
+        return value
 
     def stated(self, prim: Any, name: str) -> Any:
         """Return the value of an attribute if a layer states it; None otherwise."""
-        attribute = prim.GetAttribute(name)
+        attribute = prim.GetAttribute(name) if prim else None
         return self.value(prim, name) if attribute and attribute.HasAuthoredValue() else None
 
     def targets(self, prim: Any, name: str) -> list[Any]:
@@ -274,22 +265,15 @@ class UsdStage:
         member = prim.GetProperty(name) if name else prim
         stack = (member.GetPropertyStack() if name else member.GetPrimStack()) if member else ()
         for spec in stack:
-            line = self._layer_lines(spec.layer).get(str(spec.path))
-            return UsdPlace(file=self._layer_path(spec.layer), line=line, address=address)
-        return UsdPlace(file=self.path, line=None, address=address)
-
-    def _layer_path(self, layer: Any) -> Path:
-        """Return the path of a layer, relative to the root layer's folder as the user names it."""
-        if layer == self.stage.GetRootLayer() or not layer.realPath:
-            return self.path
-        above: str = os.path.dirname(self.stage.GetRootLayer().realPath)
-        return Path(self.path.parent, os.path.relpath(layer.realPath, above))
-
-    def _layer_lines(self, layer: Any) -> Mapping[str, int]:
-        key = layer.identifier
-        if key not in self._lines:
-            self._lines[key] = layer_lines(Path(layer.realPath)) if layer.realPath else {}
-        return self._lines[key]
+            layer, root = spec.layer, self.stage.GetRootLayer()
+            if layer.identifier not in self._lines:
+                self._lines[layer.identifier] = layer_lines(Path(layer.realPath))
+            file, line = self.path, self._lines[layer.identifier].get(str(spec.path))
+            if layer != root and layer.realPath:  # as the user names the root layer's folder
+                above = os.path.dirname(root.realPath)
+                file = Path(self.path.parent, os.path.relpath(layer.realPath, above))
+            return UsdPlace(file, line, address)
+        return UsdPlace(self.path, None, address)
 
     def world(self, prim: Any) -> tuple[Place, Array]:
         """Return the pose of a prim in the world, m, and the scale of its axes, (3,)."""
@@ -304,19 +288,12 @@ class UsdStage:
     def _frames(self) -> Any:
         return self.pxr.UsdGeom.XformCache()
 
-    @cached_property
-    def numbers(self) -> tuple[Number, ...]:
-        """All numbers of a mechanism that layers state, in the order of the prims."""
-        return tuple(number for prim in self.prims for number in self._numbers_of(prim))
-
-    def _numbers_of(self, prim: Any) -> Iterator[Number]:
-        for attribute in prim.GetAuthoredAttributes():
-            name = attribute.GetName()
+    def numbers(self) -> Iterator[Number]:
+        """Yield all numbers of a mechanism that layers state, in the order of the prims."""
+        for attribute in (one for prim in self.prims for one in prim.GetAuthoredAttributes()):
+            prim, name = attribute.GetPrim(), str(attribute.GetName())
             values = _words(attribute.Get()) if _PHYSICAL.fullmatch(name) else ()
-            if not values:
-                continue
             place = self.place(prim, name)
-            largest = max(abs(one) for one in values)
             for word, value in enumerate(values):
                 yield Number(
                     file=place.file,
@@ -324,37 +301,30 @@ class UsdStage:
                     line=place.line,
                     address=place.address + (f"[{word}]" if len(values) > 1 else ""),
                     path=f"{prim.GetTypeName()}@{name}",
-                    scale=largest,
+                    scale=max(map(abs, values)),
                     key=name,
                     word=word,
                 )
 
-    def changed_values(self, values: Mapping[Number, float]) -> dict[tuple[str, str], Any]:
-        """Return the values of attributes with other values of some numbers, by prim and name."""
+    def _values(self, numbers: Mapping[Number, float]) -> dict[tuple[str, str], Any]:
+        """Return the values of attributes with other numbers, by prim and name."""
         result: dict[tuple[str, str], Any] = {}
-        for number, value in values.items():
-            prim_path = number.address.partition(".")[0]
-            key = prim_path, number.key
-            if key not in result:
-                result[key] = self.value(self.stage.GetPrimAtPath(prim_path), number.key)
-            whole = result[key]
-            result[key] = (
-                (*whole[: number.word], value, *whole[number.word + 1 :])
-                if isinstance(whole, tuple)
-                else value
-            )
+        for number, value in numbers.items():
+            path, word = number.address.partition(".")[0], number.word
+            key = path, number.key
+            whole = result.get(key, self.value(self.stage.GetPrimAtPath(path), number.key))
+            is_list = isinstance(whole, tuple)
+            result[key] = (*whole[:word], value, *whole[word + 1 :]) if is_list else value
         return result
 
-    def change(self, values: Mapping[tuple[str, str], Any]) -> None:
-        """Set values of attributes, by prim and name, until the next call."""
-        placed = any(name.startswith("xformOp") for _, name in (*self._changed, *values))
-        self._changed = dict(values)
-        if placed:  # OpenUSD resolves these itself
-            self._session.TransferContent(
-                self._layer_of(
-                    {key: one for key, one in values.items() if key[1].startswith("xformOp")}
-                )
-            )
+    def change(self, numbers: Mapping[Number, float]) -> None:
+        """Set other values of numbers, in place of those of the last call."""
+        self._changed = {}
+        values = self._changed = self._values(numbers)
+        # OpenUSD resolves frames itself.
+        moves = {key: value for key, value in values.items() if key[1].startswith("xformOp")}
+        if moves or not self._moves.empty:
+            self._moves.TransferContent(self._layer_of(moves))
             self.__dict__.pop("_frames", None)
 
     def _layer_of(self, values: Mapping[tuple[str, str], Any]) -> Any:
@@ -362,15 +332,15 @@ class UsdStage:
         sdf = self.pxr.Sdf
         layer = sdf.Layer.CreateAnonymous(".usda")
         for (path, name), value in values.items():
-            prim = self.stage.GetPrimAtPath(path)
             for above in sdf.Path(path).GetAncestorsRange():
                 if self.stage.GetPrimAtPath(above).IsInstance():
                     sdf.CreatePrimInLayer(layer, above).instanceable = False
-            attribute = prim.GetAttribute(name)
-            spec = sdf.AttributeSpec(
-                sdf.CreatePrimInLayer(layer, path), name, attribute.GetTypeName()
-            )
-            spec.default = _like(attribute.Get(), value)
+            attribute = self.stage.GetPrimAtPath(path).GetAttribute(name)
+            kind, python = attribute.GetTypeName(), type(attribute.Get())
+            spec = sdf.AttributeSpec(sdf.CreatePrimInLayer(layer, path), name, kind)
+            if isinstance(value, tuple):
+                value = python(value) if kind.isArray else python(*value)
+            spec.default = value
         return layer
 
     def fix_joint(self, prim: Any) -> None:
@@ -384,34 +354,57 @@ class UsdStage:
         with self.pxr.Usd.EditContext(self.stage, self._session):
             self.pxr.UsdPhysics.Joint(joint).GetJointEnabledAttr().Set(False)
 
-    def overlay(self, values: Mapping[Number, float]) -> bytes:
+    def is_outside(self, joint: Any) -> bool:
+        """Return whether a joint is excluded from the articulation, as one that closes a loop."""
+        return bool(self.value(joint, "physics:excludeFromArticulation", default=False))
+
+    def overlay(self, numbers: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
-        layer = self._layer_of(self.changed_values(values))
-        root, original = layer.pseudoRoot, self.stage.GetRootLayer()
-        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
-            if original.pseudoRoot.HasInfo(key):
-                root.SetInfo(key, original.pseudoRoot.GetInfo(key))
-        if original.defaultPrim:
-            layer.defaultPrim = original.defaultPrim
+        layer = self._layer_of(self._values(numbers))
+        root = self.stage.GetRootLayer().pseudoRoot
+        # Read from a root layer only.
+        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis", "defaultPrim"):
+            if root.HasInfo(key):
+                layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
         layer.subLayerPaths.append(os.path.abspath(self.path))
         text: str = layer.ExportToString()
         return text.encode()
 
 
-def plain(value: Any) -> Any:
-    """Return a value of OpenUSD as floats: a vector as a tuple, a quaternion as (w, x, y, z)."""
-    words = _words(value)
-    if not words:
-        return value
-    return words[0] if isinstance(value, (int, float)) else words
+def _named(prims: Sequence[Any]) -> dict[str, Any]:
+    """Return prims by the shortest end of each path that no other has: `arm` or `left/arm`."""
+    steps = [str(prim.GetPath()).strip("/").split("/") for prim in prims]
+    result = {}
+    for names, prim in zip(steps, prims, strict=True):
+        count = 1
+        while count < len(names) and sum(one[-count:] == names[-count:] for one in steps) > 1:
+            count += 1
+        result["/".join(names[-count:])] = prim
+    return result
+
+
+def _wrong(name: str, value: Any) -> str:
+    """Return why a value can't be that of a name of the schemas; empty if it can."""
+    last = name.rpartition(":")[2]
+    if words := _WORDS.get(last):
+        return "" if value in words else f"it is {quote(str(value))}, not {' or '.join(words)}"
+    if not _PHYSICAL.fullmatch(name) or name.startswith("xformOp"):
+        return ""
+    numbers = value if isinstance(value, tuple) else (value,)
+    if not all(isinstance(number, (float, bool)) for number in numbers):
+        return f"it is a {type(value).__name__}, not a number"
+    if len(numbers) != _LENGTHS.get(last.rstrip("01"), 1) and last != "inertia":
+        return f"it has {len(numbers)} numbers"
+    if any(map(math.isnan, numbers)):
+        return "it is not a number"
+    is_bounded = all(map(math.isfinite, numbers)) or _UNBOUNDED.fullmatch(last)
+    return "" if is_bounded else "it is infinite"
 
 
 def _words(value: Any) -> tuple[float, ...]:
     """Return the numbers of a value; empty for other values and long arrays."""
     if isinstance(value, (bool, str)) or value is None:
         return ()
-    if isinstance(value, (int, float)):
-        return (float(value),)
     if hasattr(value, "GetReal"):
         return (float(value.GetReal()), *map(float, value.GetImaginary()))
     try:
@@ -419,20 +412,6 @@ def _words(value: Any) -> tuple[float, ...]:
     except (TypeError, ValueError):
         return ()
     return tuple(words.tolist()) if 0 < len(words) <= 16 else ()
-
-
-def _like(value: Any, words: Any) -> Any:
-    """Return numbers as a value of the kind of another one."""
-    if isinstance(words, tuple):
-        kind = type(value)
-        if hasattr(value, "GetReal"):
-            return kind(words[0], kind(1).GetImaginary().__class__(*words[1:]))
-        return (
-            kind(words)
-            if hasattr(value, "__len__") and not hasattr(value, "dimension")
-            else kind(*words)
-        )
-    return words
 
 
 def _shortest(attribute: Any, value: float) -> str:
@@ -460,14 +439,6 @@ def _unreadable(path: Path, error: Any) -> LocationError:
     return located.with_remedy("correct that line")
 
 
-def _reference_line(file: Path, name: str) -> int | None:
-    """Return the line of a text layer that names another one."""
-    before, reference, _ = file.read_bytes().partition(f"@{name}@".encode())
-    return (
-        before.count(b"\n") + 1 if reference and not before.startswith((CRATE, PACKAGE)) else None
-    )
-
-
 def _prim_count(layers: Mapping[str, Any], layer: Any, path: Any, sizes: dict[Any, int]) -> int:
     """Return about how many prims a prim of a layer has, with those that it refers to."""
     key = layer.identifier, path
@@ -479,8 +450,7 @@ def _prim_count(layers: Mapping[str, Any], layer: Any, path: Any, sizes: dict[An
         total = 1 + sum(_prim_count(layers, layer, child.path, sizes) for child in children)
         for arc in (one for items in arcs for one in items.GetAddedOrExplicitItems()):
             name = layer.ComputeAbsolutePath(arc.assetPath) if arc.assetPath else layer.identifier
-            other = layers.get(name)
-            if other is not None:
+            if other := layers.get(name):
                 target = arc.primPath or f"/{other.defaultPrim}"
                 total += _prim_count(layers, other, target, sizes)
         sizes[key] = total
@@ -491,53 +461,58 @@ def _check_size(path: Path, layers: Mapping[str, Any]) -> None:
     """Raise `RefusedFileError` for a prim that has too many others, or too deep ones."""
     counts = dict[Any, int]()
     try:
-        for layer in layers.values():
-            for prim in layer.rootPrims:
-                if _prim_count(layers, layer, prim.path, counts) > MAX_PRIMS:
-                    problem = f"refused: {prim.path} has more than {MAX_PRIMS} prims by references"
-                    raise RefusedFileError(problem, file=Path(layer.realPath or str(path)))
+        for layer, prim in ((one, prim) for one in layers.values() for prim in one.rootPrims):
+            if _prim_count(layers, layer, prim.path, counts) > MAX_PRIMS:
+                problem = f"refused: {prim.path} has more than {MAX_PRIMS} prims by references"
+                raise RefusedFileError(problem, file=Path(layer.realPath or str(path)))
     except RecursionError:
         raise RefusedFileError("refused: its prims are nested too deeply", file=path) from None
 
 
-def checked_root(path: Path, *, allow_outside: bool = False) -> Any:
+def _checked_root(pxr: Any, path: Path, allow_outside: bool) -> Any:
     """Open the layers that a stage composes, and return the root layer.
 
     Raises:
         LocationError: for a layer that can't be read, that a URL names, or that is outside of the
             root layer's folder; naming the layer that refers to it.
     """
-    pxr = import_usd(path)
-    folder = os.path.realpath(path.parent)
-    root = _open(pxr, path, path)
+    folder = os.path.join(os.path.realpath(path.parent), "")
+    root = _open(pxr, path)
     waiting, passed, size = [root], {root.identifier: root}, 0
     while waiting:
         layer = waiting.pop()
-        shown = Path(layer.realPath or str(path))
         for name in layer.GetCompositionAssetDependencies():
-            if "://" in name:
-                problem = f"refused: it names {quote(name)}, and nothing is fetched"
-                error = RefusedFileError(problem, file=shown, line=_reference_line(shown, name))
-                raise error.with_remedy("save that layer here")
             inner = layer.ComputeAbsolutePath(name)
             file = inner.partition("[")[0].partition(":SDF_FORMAT_ARGS:")[0]
-            is_inside = os.path.realpath(file).startswith(os.path.join(folder, ""))
-            if not is_inside and not allow_outside and os.path.exists(file):
-                problem = f"refused: it names {quote(name)}, outside of the folder of {path.name}"
-                error = RefusedFileError(problem, file=shown, line=_reference_line(shown, name))
-                raise error.with_remedy("move it there, or allow it by --allow-outside")
-            if inner in passed or not os.path.exists(file):
+            is_inside = allow_outside or os.path.realpath(file).startswith(folder)
+            if "://" in name:
+                raise _refusal(layer, path, name, "and nothing is fetched", "save that layer here")
+            if not os.path.exists(file) or (inner in passed and is_inside):
                 continue  # composition reports a missing layer
+            if not is_inside:
+                problem = f"outside of the folder of {path.name}"
+                remedy = "move it there, or allow it by --allow-outside"
+                raise _refusal(layer, path, name, problem, remedy)
             size += os.path.getsize(file)
             if len(passed) >= MAX_LAYERS or size > 4 * MAX_MODEL_BYTES:
                 raise RefusedFileError(f"refused: more than {MAX_LAYERS} layers", file=path)
-            passed[inner] = _open(pxr, Path(inner), shown)
+            passed[inner] = _open(pxr, Path(inner))
             waiting.append(passed[inner])
     _check_size(path, passed)
     return root
 
 
-def _open(pxr: Any, file: Path, by: Path) -> Any:
+def _refusal(layer: Any, root: Path, name: str, problem: str, remedy: str) -> LocationError:
+    """Return the error about a layer that another one names, with the line in a text layer."""
+    file = Path(layer.realPath or str(root))
+    before, reference, _ = file.read_bytes().partition(f"@{name}@".encode())
+    is_text = reference and not before.startswith((CRATE, PACKAGE))
+    line = before.count(b"\n") + 1 if is_text else None
+    error = RefusedFileError(f"refused: it names {quote(name)}, {problem}", file=file, line=line)
+    return error.with_remedy(remedy)
+
+
+def _open(pxr: Any, file: Path) -> Any:
     """Return a layer as it is on the disk now."""
     try:
         if "[" not in str(file):
@@ -605,25 +580,3 @@ def stage_of(path: Path, settings: Mapping[str, object]) -> UsdStage:
     chosen |= variants if isinstance(variants, Mapping) else {}
     is_allowed = bool(settings.get("allow_outside") or os.environ.get(OUTSIDE))
     return UsdStage(path, chosen, allow_outside=is_allowed)
-
-
-def is_outside(stage: UsdStage, joint: Any) -> bool:
-    """Return whether a joint is excluded from the articulation, as one that closes a loop."""
-    return bool(stage.value(joint, "physics:excludeFromArticulation", default=False))
-
-
-def overlay_path(path: Path) -> Path:
-    """Return the path of a text layer with the name of a file."""
-    return path.with_suffix(".usda")
-
-
-def unique_tails(paths: Sequence[str]) -> list[str]:
-    """Return the shortest end of each prim path that no other path has: `arm` or `left/arm`."""
-    steps = [path.strip("/").split("/") for path in paths]
-    result = []
-    for names in steps:
-        count = 1
-        while count < len(names) and sum(one[-count:] == names[-count:] for one in steps) > 1:
-            count += 1
-        result.append("/".join(names[-count:]))
-    return result

@@ -20,10 +20,11 @@ from physics_crosscheck.reference.mechanism.bodies import (
     BodyModel,
     Coupling,
     ForceElement,
+    Joint,
     RigidBody,
     Triple,
 )
-from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy
+from physics_crosscheck.reference.mechanism.rotations import Place, from_rpy, to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Tree
 from .inertias import massless_groups
 from .robot import HELD, LinkPart, Omission, PlacedShape, Robot, home_of, refused
@@ -333,6 +334,15 @@ def _circular(name: str, mimics: Mapping[str, Mimic]) -> bool:
         passed.add(name)
         name = mimics[name].leader
     return name in passed
+
+
+def placed_body(
+    body: RigidBody, parent: str | None, place: Place, joints: tuple[Joint, ...] = ()
+) -> RigidBody:
+    """Return a body at a place in its parent, with its joints."""
+    x, y, z = place.origin.tolist()
+    turn = to_quaternion(place.rotation)
+    return replace(body, parent=parent, position=(x, y, z), quaternion=turn, joints=joints)
 
 
 def couplings(mimics: Mapping[str, Mimic]) -> tuple[Coupling, ...]:

@@ -1,58 +1,78 @@
-"""USD files that would fetch, grow without an end, or state no numbers: named by line."""
+"""USD files that are wrong, or would fetch or grow without an end: refused by prim and line."""
 
 from pathlib import Path
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles.readers import read_robot
-from tests.audit.test_usd_advice import ARM
+from physics_crosscheck.harness.modelfiles.usd import read
+from tests.robots.files import tree_of
+from tests.robots.usd import edited, read_usd
 
-pytest.importorskip("pxr")
+Sdf = pytest.importorskip("pxr.Sdf")
 
+EXTRA = """PhysicsRevoluteJoint "extra"
+    {
+        rel physics:body0 = </arm/base>
+        rel physics:body1 = </arm/lower>
+    }
+    def PhysicsFixedJoint "mount\""""
+ELBOW, UP, MASS = 'PhysicsRevoluteJoint "elbow"', 'upAxis = "Z"', "float physics:mass = 1.5"
+LAYER = 'upAxis = "Z"\n    subLayers = [@{}@]'.format
+NO_LAYER = "does not compose"
+MASS_LINE = "arm.usda:28: /arm/upper.physics:mass: "
+EDITS = {
+    "loop": ('PhysicsFixedJoint "mount"', EXTRA, "arm.usda:62: /arm/elbow: joint 'elbow' closes"),
+    "wrong body": ("body1 = </arm/lower>", "body1 = </a>", "/arm/elbow.physics:body1: /a does not"),
+    "one body": ("body1 = </arm/lower>", "body1 = </arm/upper>", "both ends are on the same body"),
+    "two axes": (ELBOW, 'PhysicsJoint "elbow"', "/arm/elbow: a PhysicsJoint of these axes is not"),
+    "distance": (ELBOW, 'PhysicsDistanceJoint "elbow"', "is not covered"),
+    "URL": (UP, LAYER("https://h/a"), "arm.usda:7: refused: it names 'https://h/a', and nothing"),
+    "outside": (UP, LAYER("../o.usda"), "arm.usda:7: refused: it names '../o.usda', outside of"),
+    "missing layer": (UP, LAYER("no.usda"), NO_LAYER),
+    "syntax": (MASS, "float physics:mass = ", "arm.usda:28: not a USD layer"),
+    "cycle": ('Xform "arm" (', 'Xform "arm" (\n    references = @arm.usda@</arm>', NO_LAYER),
+    "no body": ("PhysicsRigidBodyAPI", "NoAPI", "it has no rigid body"),
+    "nan": (MASS, "float physics:mass = nan", MASS_LINE + "it is not a number"),
+    "inf": (MASS, "float physics:mass = inf", MASS_LINE + "it is infinite"),
+    "text": (MASS, 'string physics:mass = "1"', MASS_LINE + "it is a str, not a number"),
+    "two": (MASS, "double[] physics:mass = [1, 2]", MASS_LINE + "it has 2 numbers"),
+    "place": ("Pos0 = (0, 0, 0.25)", "Pos0 = (0, nan, 1)", "elbow.physics:localPos0: it is not a"),
+    "axis": ('axis = "Y"', 'axis = "XY"', "it is 'XY', not X or Y or Z"),
+}  # fmt: skip
 LEVEL = 'def "l{}" {{' + "".join(
     f'def "c{k}" (references = </l{{}}>) {{{{}}}}\n' for k in range(10)
 )
-LEVEL += "}}\n"
-GROWS = "".join(LEVEL.format(i, *[i + 1] * 10) for i in range(9)) + 'def "l9" { }'
+GROWS = "".join((LEVEL + "}}\n").format(i, *[i + 1] * 10) for i in range(9)) + 'def "l9" { }'
+TEXTS = {
+    "payload": ('def "a" (\n payload = @../o.usda@\n) { }', "arm.usda:3: refused: it names '../o."),
+    "circle": ('def "a" (\n references = </a> ) { }', NO_LAYER),
+    "growth": (GROWS, "arm.usda: refused: /l0 has more than 1000000 prims"),
+    "bytes": ('def "a" { string x = "\xff" }', "not a USD layer: it has bytes that are not UTF-8"),
+}  # fmt: skip
+REFUSED = {name: (edited((old, new)), words) for name, (old, new, words) in EDITS.items()}
+REFUSED |= {name: (f"#usda 1.0\n{text}", words) for name, (text, words) in TEXTS.items()}
 
 
-def refusal(folder: Path, data: bytes) -> str:
-    (folder / "asset").mkdir()
-    (folder / "secret.usda").write_text('#usda 1.0\ndef "secret" { }\n')
-    file = folder / "asset" / "arm.usda"
-    file.write_bytes(data)
-    robot = read_robot(file)
-    assert robot.tree is None
-    return str(robot.obstacles[0]).replace(str(file.parent) + "/", "")
-
-
-@pytest.mark.parametrize(("text", "words"), [
-    ('def "a" (\n references = @https://h/x@\n) { }', "arm.usda:3: refused: it names 'https:"),
-    ('def "a" (\n payload = @../secret.usda@\n) { }', "arm.usda:3: refused: it names '../secret."),
-    ('def "a" ( references = @arm.usda@</a> ) { }', "arm.usda: does not compose: "),
-    ('def "a" (\n references = </a> ) { }', "arm.usda: does not compose: "),
-    (GROWS, "arm.usda: refused: /l0 has more than 1000000 prims"),
-    ('def "a" {\n  float x = \n}', "arm.usda:3: not a USD layer: "),
-    ('def "a" { string x = "\xff" }', "arm.usda: not a USD layer: it has bytes that are not UTF-8"),
-])  # fmt: skip
-def test_refuses_a_layer_before_it_composes(tmp_path: Path, text: str, words: str) -> None:
-    assert refusal(tmp_path, b"#usda 1.0\n" + text.encode("latin-1")).startswith(words)
-
-
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ("float physics:mass = 1", "float physics:mass = nan", "it is not a number"),
-    ("float physics:mass = 1", "float physics:mass = inf", "it is infinite"),
-    ("float physics:mass = 1", 'string physics:mass = "1"', "it is a str, not a number"),
-    ("float physics:mass = 1", "double[] physics:mass = [1, 2]", "it has 2 numbers"),
-    ("(0, 0, 0.5)\n        quatf", "(0, nan, 0.5)\n        quatf", "it is not a number"),
-    ("axis = \"Y\"", "axis = \"XY\"", "it is 'XY', not X or Y or Z"),
-])  # fmt: skip
-def test_names_the_prim_and_line_of_a_wrong_value(
-    tmp_path: Path, old: str, new: str, words: str
+@pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_or_hostile_file_is_refused_by_its_place(
+    text: str, message: str, tmp_path: Path
 ) -> None:
-    text = ARM.replace(old, new)
-    assert text != ARM
-    line = next(i for i, one in enumerate(text.splitlines(), 1) if one not in ARM.splitlines())
-    message = refusal(tmp_path, text.encode())
-    assert message.startswith(f"arm.usda:{line}: /arm/")
-    assert words in message
+    (tmp_path / "o.usda").write_text('#usda 1.0\ndef Xform "a"\n{\n}\n')
+    (tmp_path / "in").mkdir()
+    file = tmp_path / "in" / "arm.usda"
+    file.write_bytes(text.encode("latin-1"))
+    robot = read(file, {})
+    assert robot.tree is None
+    assert message in " ".join(map(str, robot.obstacles))
+    if text == REFUSED["outside"][0]:
+        assert read(file, {"allow_outside": True}).tree is not None
+
+
+@pytest.mark.parametrize("size", [0, 8, 60, 500, 2000])
+def test_a_crate_cut_short_is_refused(size: int, tmp_path: Path) -> None:
+    read_usd(tmp_path)
+    whole, short = tmp_path / "whole.usdc", tmp_path / "short.usdc"
+    Sdf.Layer.FindOrOpen(str(tmp_path / "arm.usda")).Export(str(whole))
+    assert tree_of(read(whole, {})).dof == 2
+    short.write_bytes(whole.read_bytes()[:size])
+    assert read(short, {}).tree is None

@@ -78,7 +78,7 @@ class StageFacts:
 
     def __init__(self, stage: UsdStage) -> None:
         self.stage = stage
-        self.bodies = [one for one in stage.prims if _has(one, "PhysicsRigidBodyAPI")]
+        self.bodies = [*stage.bodies.values()]
         self.colliders = [one for one in stage.prims if _has(one, "PhysicsCollisionAPI")]
 
     @cached_property
@@ -95,20 +95,10 @@ class StageFacts:
         paths = self.stage.targets(prim, f"physics:body{end}")
         return (self.stage.stage.GetPrimAtPath(paths[0]) or None) if paths else None
 
-    def body_above(self, prim: Any) -> Any:
-        """Return the rigid body that holds a prim, or that it is; None without one."""
-        while prim and prim not in self._moving:
-            prim = prim.GetParent()
-        return prim or None
-
-    @cached_property
-    def _moving(self) -> frozenset[Any]:
-        return frozenset(self.bodies)
-
     @cached_property
     def with_shapes(self) -> frozenset[Any]:
         """Rigid bodies with colliders."""
-        return frozenset(map(self.body_above, self.colliders))
+        return frozenset(map(self.stage.body_above, self.colliders))
 
     @cached_property
     def _actuators(self) -> Mapping[Any, Any]:
@@ -152,8 +142,8 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
         first, second = joint.bodies
-        body = first if facts.body_above(second) is None else second
-        is_held = joint.kind == FIXED and None in map(facts.body_above, joint.bodies)
+        body = first if facts.stage.body_above(second) is None else second
+        is_held = joint.kind == FIXED and None in map(facts.stage.body_above, joint.bodies)
         if is_held and body is not None and _has(body, "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
@@ -165,7 +155,7 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
 
 def unset_masses(facts: StageFacts) -> UsdAdvice:
     """Yield moving bodies with the mass 0, or without shapes that give what is not stated."""
-    moved = {facts.body_above(body) for joint in facts.joints for body in joint.bodies}
+    moved = {facts.stage.body_above(body) for joint in facts.joints for body in joint.bodies}
     for body in (one for one in facts.bodies if one in moved):
         mass, moments, tensor = (
             facts.stage.stated(body, one) for one in ("physics:mass", MOMENTS, "newton:inertia")

@@ -13,12 +13,11 @@ from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.usd import SUFFIXES, stage_of
+from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage, stage_of
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.readers import names_of
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
-from physics_crosscheck.harness.modelfiles.usd.read import StageTree
 from physics_crosscheck.harness.records.base import SourceLine, number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.harness.records.scene import Scene
@@ -157,22 +156,22 @@ class ModelSide:
         }
 
     @cached_property
-    def _stage(self) -> StageTree | None:
-        """The bodies and joints of a stage of USD; None for other files."""
+    def _stage(self) -> UsdStage | None:
+        """The stage of a file in USD; None for other files."""
         try:
             is_stage = self.file.suffix in SUFFIXES
             settings = self.facts.candidate.settings
-            return StageTree(stage_of(self.file, settings)) if is_stage else None
+            return stage_of(self.file, settings) if is_stage else None
         except LocationError:
             return None
 
     def stage_values(self, what: str, name: str) -> Mapping[str, tuple[object, SourceLine]]:
         """Return what layers of a stage state for a property of a joint or link, by attribute."""
-        if self._stage is None:
+        stage = self._stage
+        if stage is None:
             return {}
-        stage, joints = self._stage.stage, {one.name: one.prim for one in self._stage.joints}
-        links = {key: one.prim for key, one in self._stage.bodies.items()}
-        prim = (links if what in ("mass", "centre", "inertia") else joints).get(name)
+        prims = stage.bodies if what in ("mass", "centre", "inertia") else stage.joints
+        prim = prims.get(name)
         rows = {}
         for attribute in STAGE_KEYS.get(what, ()) if prim is not None else ():
             place, value = stage.place(prim, attribute), stage.stated(prim, attribute)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
-from physics_crosscheck.harness.documents.usd import UsdStage, is_outside, unique_tails
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import EQUALITIES, equal_joints
 from physics_crosscheck.harness.engines.newton.reading import (
@@ -43,11 +43,10 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     if (stage.unit, stage.mass_unit) != (1.0, 1.0):
         units = f"metersPerUnit {stage.unit:g} and kilogramsPerUnit {stage.mass_unit:g}"
         raise EngineError(f"{spec.path}: Newton converts no units; it has {units}, expected 1")
-    joints = _names(stage, stage.pxr.UsdPhysics.Joint)
-    for prim in [stage.stage.GetPrimAtPath(path) for path in joints]:
-        if settings["smooth"] and is_outside(stage, prim):
+    for name, prim in stage.joints.items():
+        if settings["smooth"] and stage.is_outside(prim):
             stage.switch_off(prim)
-        elif joints[str(prim.GetPath())] in held_joints(spec):
+        elif name in held_joints(spec):
             stage.fix_joint(prim)
     builder, messages = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
     import newton
@@ -64,7 +63,7 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     followers = followers_of(settings, f"{spec.path}.toml")
     if settings["smooth"]:
         without_limit_forces(builder)
-    layout = Layout(builder, _joint_names(stage, builder, joints), np.zeros(len(builder.joint_qd)))
+    layout = Layout(builder, _joint_names(stage, builder), np.zeros(len(builder.joint_qd)))
     lost: dict[str, Mapping[str, object]] = {}
     if orphans := [i for i, one in enumerate(builder.joint_articulation) if one < 0]:
         if settings["articulations"]:
@@ -87,13 +86,15 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     )
 
 
-def _joint_names(stage: UsdStage, builder: Any, joints: Mapping[str, str]) -> list[list[str]]:
+def _joint_names(stage: UsdStage, builder: Any) -> list[list[str]]:
     """Return the names of the coordinates of each of Newton's joints: one if it moves.
 
     Raises:
         EngineError: for a joint of several axes.
     """
-    bodies, names = _names(stage, None), []
+    joints = {str(prim.GetPath()): name for name, prim in stage.joints.items()}
+    bodies = {str(prim.GetPath()): name for name, prim in stage.bodies.items()}
+    names = []
     rows = zip(builder.joint_label, builder.joint_child, builder.joint_dof_dim, strict=True)
     for label, child, (lines, turns) in rows:
         name = joints.get(label) or free_name(bodies[builder.body_label[child]], joints.values())
@@ -122,11 +123,3 @@ def _is_point(stage: UsdStage, body: Any) -> bool:
     below = usd.PrimRange(body, usd.TraverseInstanceProxies())
     moments = stage.value(body, "physics:diagonalInertia", (0.0,) * 3)
     return not np.any(moments) and not any(prim.HasAPI(shape) for prim in below)
-
-
-def _names(stage: UsdStage, kind: Any) -> dict[str, str]:
-    """Return the names of all joints, or of all bodies, by their paths."""
-    rigid = stage.pxr.UsdPhysics.RigidBodyAPI
-    prims = [one for one in stage.prims if (one.IsA(kind) if kind else one.HasAPI(rigid))]
-    paths = [str(one.GetPath()) for one in prims]
-    return dict(zip(paths, unique_tails(paths), strict=True))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.usd import UsdStage, unique_tails
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.installed import import_quietly
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
 from physics_crosscheck.harness.engines.source import one_line
@@ -139,11 +139,9 @@ class StageLayer:
 
     def __init__(self, file: UsdStage, settings: Mapping[str, object], held: Sequence[str]) -> None:
         self._file, self._settings = file, settings
-        physics = file.pxr.UsdPhysics
-        bodies = [prim for prim in file.prims if BODY in prim.GetAppliedSchemas()]
-        joints = [prim for prim in file.prims if prim.IsA(physics.Joint)]
+        bodies, joints = [*file.bodies.values()], [*file.joints.values()]
         moving = [prim for prim in joints if prim.GetTypeName() in (HINGE, SLIDE)]
-        self.links, names = self._named(bodies, bodies), self._named(moving, joints)
+        self.links, names = self._named(bodies, file.bodies), self._named(moving, file.joints)
         self.joints = {
             prim.GetName(): (str(prim.GetPath()), str(prim.GetTypeName()), names[prim.GetName()])
             for prim in moving
@@ -183,13 +181,11 @@ class StageLayer:
                 self._set_gravity(settings["gravity"])  # type: ignore[arg-type]
         self.text = self._written()
 
-    def _named(self, prims: Sequence[Any], among: Sequence[Any]) -> dict[str, str]:
+    def _named(self, prims: Sequence[Any], among: Mapping[str, Any]) -> dict[str, str]:
         """Return the names of prims here by their own, which PhysX uses."""
-        paths = [str(one.GetPath()) for one in among]
-        tails = dict(zip(paths, unique_tails(paths), strict=True))
-        names = {one.GetName(): tails[str(one.GetPath())] for one in prims}
+        names = {one.GetName(): name for name, one in among.items() if one in prims}
         if len(names) < len(prims):
-            twice = next(tail for tail in tails.values() if "/" in tail)
+            twice = next(name for name in among if "/" in name)
             problem = f"{twice} has the name of another prim, and PhysX names them alike"
             raise UnsupportedError(problem, file=self._file.path)
         return names
@@ -197,11 +193,8 @@ class StageLayer:
     def _end(self, joint: Any, k: int) -> str:
         """Return the name of a joint's body, which a target may be below of."""
         for path in self._file.targets(joint, f"physics:body{k}"):
-            prim = self._file.stage.GetPrimAtPath(path)
-            while prim and not prim.IsPseudoRoot():
-                if BODY in prim.GetAppliedSchemas():
-                    return str(prim.GetName())
-                prim = prim.GetParent()
+            if body := self._file.body_above(self._file.stage.GetPrimAtPath(path)):
+                return str(body.GetName())
         return ""
 
     def _limits(self, path: str, kind: str) -> tuple[float, float]:

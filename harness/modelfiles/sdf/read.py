@@ -27,9 +27,8 @@ from physics_crosscheck.harness.documents.sdf.read import (
 )
 from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.bodies import Joint, RigidBody
-from physics_crosscheck.reference.mechanism.rotations import to_quaternion
 from physics_crosscheck.reference.mechanism.tree import Tree
-from ..build_tree import build_robot, enforceable
+from ..build_tree import build_robot, enforceable, placed_body
 from ..numbers import ModelFile, set_temporarily
 from ..robot import CLOSING, FREE_MIMIC, Note, Omission, Robot, count_notes, refused
 
@@ -214,14 +213,8 @@ def _bodies(file: SdfFile, still: Collection[str]) -> Iterator[RigidBody]:
         outer = file.frames.of_model() if of_world else inverse(file.frames.place(joint.parent))
         place = outer.compose(file.frames.place(joint.child))
         moving = tuple(one for one in joint.joints if not {joint.name, one.name} & {*still})
-        x, y, z = place.origin.tolist()
-        yield replace(
-            file.links[joint.child].body,
-            parent=None if of_world else joint.parent,
-            position=(x, y, z),
-            quaternion=to_quaternion(place.rotation),
-            joints=moving,
-        )
+        parent = None if of_world else joint.parent
+        yield placed_body(file.links[joint.child].body, parent, place, moving)
         waiting += reversed(below.get(joint.child, []))
 
 

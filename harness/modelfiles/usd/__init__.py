@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..robot import Robot
-from .numbers import UsdNumbers
-from .read import read_usd_robot
+from .read import UsdNumbers, read_usd_robot
 
 
 def read(file: Path, settings: Mapping[str, object]) -> Robot:

@@ -29,7 +29,7 @@ def mass_of(stage: UsdStage, prim: Any, place: Place) -> SpatialInertia:
     collision shapes below the body, whose own masses and densities count first.
 
     Args:
-        stage: the stage.
+        stage: that has the body.
         prim: of the body.
         place: its frame in the world.
     """
@@ -47,100 +47,91 @@ def mass_of(stage: UsdStage, prim: Any, place: Place) -> SpatialInertia:
 
 def _stated(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, Array | None]:
     """Return the mass, center and tensor that layers state for a body or a shape."""
-    unit, kilograms = stage.unit, stage.mass_unit
     mass = stage.value(prim, "physics:mass", 0.0)
-    center = np.array(stage.value(prim, "physics:centerOfMass", (-math.inf,) * 3), dtype=float)
+    center = np.array(stage.value(prim, "physics:centerOfMass", (-math.inf,) * 3))
     is_stated = np.isfinite(center).all()
-    placed = center * stage.world(prim)[1] * unit if is_stated else None
+    placed = center * stage.world(prim)[1] * stage.unit if is_stated else None
     tensor = _tensor(stage, prim)
-    scaled = None if tensor is None else tensor * kilograms * unit**2
-    return (mass * kilograms if mass > 0 else None), placed, scaled
+    scaled = None if tensor is None else tensor * stage.mass_unit * stage.unit**2
+    return (mass * stage.mass_unit if mass > 0 else None), placed, scaled
 
 
 def _tensor(stage: UsdStage, prim: Any) -> Array | None:
     """Return the stated moments in the body's axes, in units of the stage; None if unset."""
-    six = stage.stated(prim, "newton:inertia") if is_applied(prim, "NewtonMassAPI") else None
+    # With schemas that no package registers.
+    schemas = {*prim.GetAppliedSchemas(), *prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
+    six = stage.stated(prim, "newton:inertia") if "NewtonMassAPI" in schemas else None
     if isinstance(six, tuple) and len(six) == 6:
         xx, yy, zz, xy, xz, yz = six
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    moments = np.array(stage.value(prim, "physics:diagonalInertia", (0.0, 0.0, 0.0)), dtype=float)
-    if not moments.any():
+    moments = stage.value(prim, "physics:diagonalInertia", (0.0, 0.0, 0.0))
+    if not any(moments):
         return None
-    axes = np.array(stage.value(prim, "physics:principalAxes", (0.0,) * 4), dtype=float)
-    length = np.linalg.norm(axes)
-    turn = from_quaternion(axes / length) if length else np.eye(3)
+    turn = rotation_of(stage.value(prim, "physics:principalAxes", (0.0,) * 4))
     tensor: Array = turn @ np.diag(moments) @ turn.T
     return tensor
 
 
-def is_applied(prim: Any, schema: str) -> bool:
-    """Return whether a schema is applied to a prim, registered or not."""
-    listed = prim.GetMetadata("apiSchemas")
-    items = listed.GetAddedOrExplicitItems() if listed else ()
-    return schema in (*prim.GetAppliedSchemas(), *items)
+def rotation_of(quaternion: tuple[float, ...]) -> Array:
+    """Return the rotation of a quaternion of any length; none for one without length."""
+    q = np.array(quaternion, dtype=float)
+    length = np.linalg.norm(q)
+    rotation: Array = from_quaternion(q / length) if length else np.eye(3)
+    return rotation
 
 
 def _shapes(stage: UsdStage, body: Any, place: Place) -> Iterator[SpatialInertia]:
-    """Yield the inertias of the shapes of a body, in its frame."""
+    """Yield the inertias of the shapes of a body, in its frame; one without volume has none."""
     usd, physics = stage.pxr.Usd, stage.pxr.UsdPhysics
     prims = iter(usd.PrimRange(body, usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim != body and prim.HasAPI(physics.RigidBodyAPI):
             prims.PruneChildren()
-        elif prim.HasAPI(physics.CollisionAPI) and stage.value(
-            prim, "physics:collisionEnabled", default=True
-        ):
-            inertia = _shape(stage, prim, body)
-            if inertia is not None:
-                there = inverse(place).compose(stage.world(prim)[0])
-                yield inertia.in_frame(there)
-
-
-def _shape(stage: UsdStage, prim: Any, body: Any) -> SpatialInertia | None:
-    """Return the inertia of a shape in its own frame; None for one without volume."""
-    volume, center, moments = _solid(stage, prim)
-    mass, placed, tensor = _stated(stage, prim)
-    if not volume and (mass is None or tensor is None):
-        return None
-    whole = volume * _density(stage, prim, body) if mass is None else mass
-    return SpatialInertia(
-        whole, center if placed is None else placed, whole * moments if tensor is None else tensor
-    )
+            continue
+        is_on = stage.value(prim, "physics:collisionEnabled", default=True)
+        if not is_on or not prim.HasAPI(physics.CollisionAPI):
+            continue
+        volume, middle, moments = _solid(stage, prim)
+        mass, center, tensor = _stated(stage, prim)
+        if volume or (mass is not None and tensor is not None):
+            mass = volume * _density(stage, prim, body) if mass is None else mass
+            center = middle if center is None else center
+            inertia = SpatialInertia(mass, center, mass * moments if tensor is None else tensor)
+            yield inertia.in_frame(inverse(place).compose(stage.world(prim)[0]))
 
 
 def _density(stage: UsdStage, prim: Any, body: Any) -> float:
     """Return the density of a shape, kg/m^3: its own, its body's, its material's, or water's."""
-    unit = stage.mass_unit / stage.unit**3
     binding = stage.pxr.UsdShade.MaterialBindingAPI(prim)
     material = binding.ComputeBoundMaterial("physics")[0].GetPrim()
     for owner in (prim, body, material):
-        density = stage.value(owner, "physics:density", 0.0) if owner else 0.0
+        density = float(stage.value(owner, "physics:density", 0.0))
         if density > 0:
-            return float(density * unit)
+            return density * (stage.mass_unit / stage.unit**3)
     return WATER
 
 
 def _solid(stage: UsdStage, prim: Any) -> tuple[float, Array, Array]:
     """Return volume, center and moments for a mass of 1 of a shape, in its own frame, in m."""
     kind, scale = str(prim.GetTypeName()), abs(stage.world(prim)[1]) * stage.unit
-    none = 0.0, np.zeros(3), np.zeros((3, 3))
+    center = np.zeros(3)
     if kind == "Mesh":
-        return _mesh(prim, scale) or none
+        return _mesh(prim, scale) or (0.0, center, np.zeros((3, 3)))
     if kind == "Cube":
-        parts = solid("box", (scale * stage.value(prim, "size", 2.0)).tolist())
-        return parts[0], np.zeros(3), np.diag(parts[2])
-    if kind == "Sphere":
-        parts = solid("sphere", [scale.max() * stage.value(prim, "radius", 1.0)])
-        return parts[0], np.zeros(3), np.diag(parts[2])
-    if kind not in ("Cylinder", "Capsule", "Cone"):
-        return none
-    axis = "XYZ".index(str(stage.value(prim, "axis", "Z")))
-    defaults = (0.5, 1.0) if kind == "Capsule" else (1.0, 2.0)
-    radius = stage.value(prim, "radius", defaults[0]) * np.delete(scale, axis).max()
-    length = stage.value(prim, "height", defaults[1]) * scale[axis]
-    volume, along, moments = solid(kind.lower(), (radius, length))
-    order = np.roll([0, 1, 2], axis + 1)  # the shape's z is this axis
-    return volume, along * np.eye(3)[axis], np.diag(np.array(moments)[order])
+        volume, _, moments = solid("box", (scale * stage.value(prim, "size", 2.0)).tolist())
+    elif kind == "Sphere":
+        volume, _, moments = solid("sphere", [scale.max() * stage.value(prim, "radius", 1.0)])
+    elif kind in ("Cylinder", "Capsule", "Cone"):
+        axis = "XYZ".index(str(stage.value(prim, "axis", "Z")))
+        defaults = (0.5, 1.0) if kind == "Capsule" else (1.0, 2.0)
+        radius = stage.value(prim, "radius", defaults[0]) * np.delete(scale, axis).max()
+        length = stage.value(prim, "height", defaults[1]) * scale[axis]
+        volume, center[axis], around = solid(kind.lower(), (radius, length))
+        x, y, z = np.roll(around, axis + 1).tolist()  # the shape's z is this axis
+        moments = x, y, z
+    else:
+        return 0.0, center, np.zeros((3, 3))
+    return volume, center, np.diag(moments)
 
 
 def _mesh(prim: Any, scale: Array) -> tuple[float, Array, Array] | None:
