@@ -99,8 +99,8 @@ class UsdStage:
 
     Args:
         path: of the root layer.
-        variants: selected variants by the name of their set, in place of those of the file.
-        allow_outside: whether layers may be outside of the root layer's folder.
+        settings: `variants` selects variants by the name of their set, in place of those of the
+            file; with `allow_outside`, layers may be outside of the root layer's folder.
 
     Attributes:
         stage: of OpenUSD.
@@ -113,9 +113,7 @@ class UsdStage:
         LocationError: for a file that can't be read, naming layer and line.
     """
 
-    def __init__(
-        self, path: Path, variants: Mapping[str, str] | None = None, *, allow_outside: bool = False
-    ) -> None:
+    def __init__(self, path: Path, settings: Mapping[str, object]) -> None:
         pxr = self.pxr = _import_usd(path)
         self.path, self.obstacles = path, list[ReadError]()
         self._changed: dict[tuple[str, str], Any] = {}
@@ -123,11 +121,12 @@ class UsdStage:
         # Held while it opens, so that warnings stay off the screen.
         delegate = pxr.UsdUtils.CoalescingDiagnosticDelegate()
         try:
-            root = _checked_root(pxr, path, allow_outside)
+            is_allowed = bool(settings.get("allow_outside") or os.environ.get(OUTSIDE))
+            root = _checked_root(pxr, path, is_allowed)
             self._session, self._moves = (pxr.Sdf.Layer.CreateAnonymous(".usda") for _ in range(2))
             self._session.subLayerPaths.append(self._moves.identifier)
             self.stage = pxr.Usd.Stage.Open(root, self._session)
-            self.selection = self._select(variants or {})
+            self.selection = self._select(settings.get("variants"))
             errors = self.stage.GetCompositionErrors()
         except pxr.Tf.ErrorException as error:
             raise _unreadable(path, error) from None
@@ -139,8 +138,11 @@ class UsdStage:
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
-    def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
+    def _select(self, stated: object) -> tuple[str, ...]:
         chosen: dict[str, None] = {}
+        words = shlex.split(os.environ.get(VARIANTS, ""))
+        variants = dict(word.split("=", 1) for word in words if "=" in word)
+        variants.update(stated if isinstance(stated, Mapping) else {})
         unused = dict(variants)
         for prim in self.prims:
             sets = prim.GetVariantSets()
@@ -149,11 +151,9 @@ class UsdStage:
                 if name in variants:
                     names = variant_set.GetVariantNames()
                     if variants[name] not in names:
-                        raise LocationError(
-                            f"variant set {quote(name)} of {prim.GetPath()} has no variant"
-                            f" {quote(variants[name])}; it has {', '.join(names)}",
-                            file=self.path,
-                        )
+                        problem = f"variant set {quote(name)} of {prim.GetPath()} has no variant"
+                        problem += f" {quote(variants[name])}; it has {', '.join(names)}"
+                        raise LocationError(problem, file=self.path)
                     with self.pxr.Usd.EditContext(self.stage, self._session):
                         variant_set.SetVariantSelection(variants[name])
                     unused.pop(name, None)
@@ -325,7 +325,8 @@ class UsdStage:
         moves = {key: value for key, value in values.items() if key[1].startswith("xformOp")}
         if moves or not self._moves.empty:
             self._moves.TransferContent(self._layer_of(moves))
-            self.__dict__.pop("_frames", None)
+            for name in ("prims", "bodies", "joints", "body_names", "_scene", "_frames"):
+                self.__dict__.pop(name, None)  # an instance may be a copy now
 
     def _layer_of(self, values: Mapping[tuple[str, str], Any]) -> Any:
         """Return a layer with other values of attributes; instances on the way become copies."""
@@ -470,12 +471,7 @@ def _check_size(path: Path, layers: Mapping[str, Any]) -> None:
 
 
 def _checked_root(pxr: Any, path: Path, allow_outside: bool) -> Any:
-    """Open the layers that a stage composes, and return the root layer.
-
-    Raises:
-        LocationError: for a layer that can't be read, that a URL names, or that is outside of the
-            root layer's folder; naming the layer that refers to it.
-    """
+    """Open the layers that a stage composes, and return the root layer, or refuse one of them."""
     folder = os.path.join(os.path.realpath(path.parent), "")
     root = _open(pxr, path)
     waiting, passed, size = [root], {root.identifier: root}, 0
@@ -529,10 +525,7 @@ def _open(pxr: Any, file: Path) -> Any:
 
 
 def layer_lines(file: Path) -> dict[str, int]:
-    """Return the lines of all prims and properties of a text layer, by their paths in it.
-
-    Empty for a binary layer or a package.
-    """
+    """Return the lines of prims and properties by path; none of a binary layer or a package."""
     try:
         data = read_regular(file, MAX_MODEL_BYTES)
     except OSError:
@@ -566,17 +559,3 @@ def _entry(kind: str | None, path: str, text: str) -> str:
     if kind == "set":
         return f"{path}{{{text}="
     return f"{path}{text}}}" if kind == "text" and path.endswith("=") else ""
-
-
-def stage_of(path: Path, settings: Mapping[str, object]) -> UsdStage:
-    """Open a stage with the settings `variants` and `allow_outside`.
-
-    Raises:
-        LocationError: as `UsdStage`.
-    """
-    variants = settings.get("variants")
-    words = shlex.split(os.environ.get(VARIANTS, ""))
-    chosen = {**dict(word.split("=", 1) for word in words if "=" in word)}
-    chosen |= variants if isinstance(variants, Mapping) else {}
-    is_allowed = bool(settings.get("allow_outside") or os.environ.get(OUTSIDE))
-    return UsdStage(path, chosen, allow_outside=is_allowed)

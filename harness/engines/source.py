@@ -15,7 +15,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, RefusedFileError
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
-from physics_crosscheck.harness.documents.usd import UsdStage, stage_of
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.protocol import (
     EngineError,
     ModelSpec,
@@ -94,7 +94,7 @@ def open_stage(spec: ModelSpec) -> UsdStage:
         EngineError: naming layer, line and remedy.
     """
     try:
-        return stage_of(spec.path, spec.settings)
+        return UsdStage(spec.path, spec.settings)
     except LocationError as error:
         message = f"{error.sentence}; {error.remedy}"
         raise EngineError(message, file=error.file, line=error.line) from None

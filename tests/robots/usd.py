@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from physics_crosscheck.harness.modelfiles.robot import Robot
 from physics_crosscheck.harness.modelfiles.usd import read
 
@@ -13,23 +15,19 @@ ARM = """#usda 1.0
     upAxis = "Z"
 )
 
-def PhysicsScene "scene"
-{
+def PhysicsScene "scene" {
     float physics:gravityMagnitude = 9.81
 }
 
 def Xform "arm" (
     prepend apiSchemas = ["PhysicsArticulationRootAPI"]
-)
-{
-    def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    {
+) {
+    def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
         float physics:mass = 2
         float3 physics:diagonalInertia = (0.01, 0.01, 0.01)
         point3f physics:centerOfMass = (0, 0, 0.05)
     }
-    def Xform "upper" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    {
+    def Xform "upper" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
         double3 xformOp:translate = (0, 0, 0.125)
         uniform token[] xformOpOrder = ["xformOp:translate"]
         float physics:mass = 1.5
@@ -37,20 +35,17 @@ def Xform "arm" (
         float3 physics:diagonalInertia = (0.012, 0.011, 0.002)
         quatf physics:principalAxes = (0.98, 0.1, 0, 0.17)
     }
-    def Xform "lower" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    {
+    def Xform "lower" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
         double3 xformOp:translate = (0, 0, 0.375)
         uniform token[] xformOpOrder = ["xformOp:translate"]
         float physics:mass = 0.75
         point3f physics:centerOfMass = (0.0625, 0, 0.125)
         float3 physics:diagonalInertia = (0.0035, 0.003, 0.001)
     }
-    def PhysicsFixedJoint "mount"
-    {
+    def PhysicsFixedJoint "mount" {
         rel physics:body1 = </arm/base>
     }
-    def PhysicsRevoluteJoint "shoulder" (prepend apiSchemas = ["PhysicsDriveAPI:angular"])
-    {
+    def PhysicsRevoluteJoint "shoulder" (prepend apiSchemas = ["PhysicsDriveAPI:angular"]) {
         rel physics:body0 = </arm/base>
         rel physics:body1 = </arm/upper>
         uniform token physics:axis = "Y"
@@ -61,8 +56,7 @@ def Xform "arm" (
         float drive:angular:physics:damping = 0.25
         float drive:angular:physics:targetPosition = 20
     }
-    def PhysicsRevoluteJoint "elbow" (prepend apiSchemas = ["NewtonJointAPI"])
-    {
+    def PhysicsRevoluteJoint "elbow" (prepend apiSchemas = ["NewtonJointAPI"]) {
         rel physics:body0 = </arm/upper>
         rel physics:body1 = </arm/lower>
         uniform token physics:axis = "X"
@@ -83,7 +77,14 @@ def edited(*edits: tuple[str, str], text: str = ARM) -> str:
     return text
 
 
-def read_usd(folder: Path, text: str = ARM, name: str = "arm.usda", **settings: object) -> Robot:
-    path = folder / name
-    path.write_text(text)
-    return read(path, settings)
+def crate(folder: Path) -> Path:
+    """Write the arm as a binary layer."""
+    sdf = pytest.importorskip("pxr.Sdf")
+    read_usd(folder)
+    sdf.Layer.FindOrOpen(str(folder / "arm.usda")).Export(str(folder / "crate.usdc"))
+    return folder / "crate.usdc"
+
+
+def read_usd(folder: Path, text: str = ARM, name: str = "arm.usda") -> Robot:
+    (folder / name).write_text(text)
+    return read(folder / name, {})

@@ -84,11 +84,9 @@ class StageFacts:
     @cached_property
     def joints(self) -> tuple[_StageJoint, ...]:
         """Joints of all types."""
-        names = ((prim, str(prim.GetTypeName())) for prim in self.stage.prims)
         return tuple(
-            _StageJoint(prim, name, (self._end(prim, 0), self._end(prim, 1)))
-            for prim, name in names
-            if name.startswith("Physics") and name.endswith("Joint")
+            _StageJoint(prim, str(prim.GetTypeName()), (self._end(prim, 0), self._end(prim, 1)))
+            for prim in self.stage.joints.values()
         )
 
     def _end(self, prim: Any, end: int) -> Any:

@@ -13,7 +13,7 @@ from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage, stage_of
+from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.readers import names_of
@@ -161,22 +161,20 @@ class ModelSide:
         try:
             is_stage = self.file.suffix in SUFFIXES
             settings = self.facts.candidate.settings
-            return stage_of(self.file, settings) if is_stage else None
+            return UsdStage(self.file, settings) if is_stage else None
         except LocationError:
             return None
 
     def stage_values(self, what: str, name: str) -> Mapping[str, tuple[object, SourceLine]]:
         """Return what layers of a stage state for a property of a joint or link, by attribute."""
-        stage = self._stage
+        stage, rows = self._stage, {}
         if stage is None:
             return {}
         prims = stage.bodies if what in ("mass", "centre", "inertia") else stage.joints
-        prim = prims.get(name)
-        rows = {}
-        for attribute in STAGE_KEYS.get(what, ()) if prim is not None else ():
-            place, value = stage.place(prim, attribute), stage.stated(prim, attribute)
-            if value is not None:
-                rows[attribute] = value, SourceLine(file=str(place.file), line=place.line)
+        for attribute in STAGE_KEYS.get(what, ()):
+            if (value := stage.stated(prims.get(name), attribute)) is not None:
+                file, line, _ = stage.place(prims[name], attribute)
+                rows[attribute] = value, SourceLine(file=str(file), line=line)
         return rows
 
     def elements(self, kind: str, name: str) -> Sequence[XmlElement]:

@@ -87,11 +87,7 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
 
 
 def _joint_names(stage: UsdStage, builder: Any) -> list[list[str]]:
-    """Return the names of the coordinates of each of Newton's joints: one if it moves.
-
-    Raises:
-        EngineError: for a joint of several axes.
-    """
+    """Return the names of the coordinates of each of Newton's joints: one if it moves."""
     joints = {str(prim.GetPath()): name for name, prim in stage.joints.items()}
     bodies = {str(prim.GetPath()): name for name, prim in stage.bodies.items()}
     names = []

@@ -8,36 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.sdf.frames import inverse, solid
+from physics_crosscheck.harness.documents.sdf.frames import WATER, inverse, solid
 from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.reference.mechanism.rotations import (
     NO_INERTIA,
     Array,
-    Place,
     SpatialInertia,
     from_quaternion,
 )
 
-WATER = 1000.0
-"""Density of shapes for which no layer states one, kg/m^3."""
 
-
-def mass_of(stage: UsdStage, prim: Any, place: Place) -> SpatialInertia:
+def mass_of(stage: UsdStage, prim: Any) -> SpatialInertia:
     """Return mass, center of mass and inertia of a body, in its frame, about the center.
 
     A mass of 0, moments of 0 and a center that is not finite are unset: they follow from the
     collision shapes below the body, whose own masses and densities count first.
-
-    Args:
-        stage: that has the body.
-        prim: of the body.
-        place: its frame in the world.
     """
     mass, center, tensor = _stated(stage, prim)
     if mass is not None and center is not None and tensor is not None:
         return SpatialInertia(mass, center, tensor)
     shapes = NO_INERTIA
-    for inertia in _shapes(stage, prim, place):
+    for inertia in _shapes(stage, prim):
         shapes = shapes.combined(inertia)
     whole = shapes.mass if mass is None else mass
     if tensor is None:
@@ -80,9 +71,9 @@ def rotation_of(quaternion: tuple[float, ...]) -> Array:
     return rotation
 
 
-def _shapes(stage: UsdStage, body: Any, place: Place) -> Iterator[SpatialInertia]:
+def _shapes(stage: UsdStage, body: Any) -> Iterator[SpatialInertia]:
     """Yield the inertias of the shapes of a body, in its frame; one without volume has none."""
-    usd, physics = stage.pxr.Usd, stage.pxr.UsdPhysics
+    usd, physics, outer = stage.pxr.Usd, stage.pxr.UsdPhysics, inverse(stage.world(body)[0])
     prims = iter(usd.PrimRange(body, usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim != body and prim.HasAPI(physics.RigidBodyAPI):
@@ -97,7 +88,7 @@ def _shapes(stage: UsdStage, body: Any, place: Place) -> Iterator[SpatialInertia
             mass = volume * _density(stage, prim, body) if mass is None else mass
             center = middle if center is None else center
             inertia = SpatialInertia(mass, center, mass * moments if tensor is None else tensor)
-            yield inertia.in_frame(inverse(place).compose(stage.world(prim)[0]))
+            yield inertia.in_frame(outer.compose(stage.world(prim)[0]))
 
 
 def _density(stage: UsdStage, prim: Any, body: Any) -> float:

@@ -20,7 +20,7 @@ from physics_crosscheck.harness.documents.document import Mimic, free_name
 from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError, quote
 from physics_crosscheck.harness.documents.sdf.frames import inverse
-from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, UsdStage, stage_of
+from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, UsdStage
 from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
@@ -67,14 +67,11 @@ def read_usd_robot(path: Path, settings: Mapping[str, object]) -> Robot:
     """Read all rigid bodies of a stage.
 
     A body without a joint to the world moves freely; one that is kinematic or switched off is
-    still. Masses, moments and centers that no layer states follow from collision shapes.
-
-    Args:
-        path: of the root layer.
-        settings: `variants` and `allow_outside` of `UsdStage`.
+    still. Masses, moments and centers that no layer states follow from collision shapes. The
+    settings are those of `UsdStage`.
     """
     try:
-        stage = stage_of(path, settings)
+        stage = UsdStage(path, settings)
     except LocationError as error:
         return refused(path, path.stem, [ReadError.unreadable(error, error.file or path)])
     with np.errstate(all="ignore"):  # overflow is reported
@@ -223,7 +220,7 @@ class StageTree:
     def link(self, name: str) -> RigidBody:
         """Return a body with its inertia, without a parent."""
         prim = self.stage.bodies[name]
-        mass, center, tensor = mass_of(self.stage, prim, self.stage.world(prim)[0])
+        mass, center, tensor = mass_of(self.stage, prim)
         x, y, z = center.tolist()
         xx, yy, zz, xy, xz, yz = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()
         inertia = xx, yy, zz, xy, xz, yz
@@ -366,16 +363,11 @@ _RELEVANT = re.compile(
 
 
 class UsdNumbers(ModelFile):
-    """The numbers of a stage that has a tree.
-
-    Args:
-        path: of the root layer.
-        settings: those of `read_usd_robot`; `held` names joints that are fixed.
-    """
+    """The numbers of a stage that has a tree; the setting `held` names joints that are fixed."""
 
     def __init__(self, path: Path, settings: Mapping[str, object]) -> None:
         super().__init__([])
-        self._stage, self._settings = stage_of(path, settings), settings
+        self._stage, self._settings = UsdStage(path, settings), settings
         self.numerals = tuple(
             one if one.scale > SMALL else replace(one, scale=UNSIZED)
             for one in self._stage.numbers()
