@@ -107,7 +107,6 @@ class UsdStage:
         selection: selected variants of all sets, such as `size=large`.
         unit, mass_unit: m and kg per unit.
         up: index of the up axis.
-        obstacles: problems so far.
 
     Raises:
         LocationError: for a file that can't be read, naming layer and line.
@@ -362,11 +361,8 @@ class UsdStage:
     def overlay(self, numbers: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
         layer = self._layer_of(self._values(numbers))
-        root = self.stage.GetRootLayer().pseudoRoot
-        # Read from a root layer only.
-        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis", "defaultPrim"):
-            if root.HasInfo(key):
-                layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
+        # Units, axis and default prim are read from a root layer only.
+        self.pxr.UsdUtils.CopyLayerMetadata(self.stage.GetRootLayer(), layer, True)
         layer.subLayerPaths.append(os.path.abspath(self.path))
         text: str = layer.ExportToString()
         return text.encode()

@@ -50,8 +50,7 @@ class UsdJoint:
         kind: "hinge", "slide", "ball" or "fixed".
         axis: index of its axis.
         key: the name of its axis in properties of drives; empty without one.
-        ends: names of its two bodies; None for the world.
-        frames: its frame in each of them.
+        ends, frames: names of its two bodies, None for the world, and its frame in each.
     """
 
     prim: Any
@@ -124,9 +123,8 @@ class StageTree:
     @cached_property
     def still(self) -> list[str]:
         """Names of bodies that are kinematic, or switched off."""
-        rows = self.stage.bodies.items()
+        value, rows = self.stage.value, self.stage.bodies.items()
         on, still = "physics:rigidBodyEnabled", "physics:kinematicEnabled"
-        value = self.stage.value
         return [name for name, prim in rows if value(prim, still) or not value(prim, on, True)]
 
     @cached_property
@@ -273,9 +271,8 @@ class StageTree:
     def _drive(self, joint: UsdJoint) -> tuple[float, float, float, float]:
         """Return stiffness, damping, target and target velocity of a drive, in SI units."""
         value, prim, key = self.stage.value, joint.prim, f"drive:{joint.key}:physics"
-        if f"PhysicsDriveAPI:{joint.key}" not in prim.GetAppliedSchemas():
-            return 0.0, 0.0, 0.0, 0.0
-        if value(prim, f"{key}:type", "force") == "acceleration":
+        has_drive = f"PhysicsDriveAPI:{joint.key}" in prim.GetAppliedSchemas()
+        if not has_drive or value(prim, f"{key}:type", "force") == "acceleration":
             return 0.0, 0.0, 0.0, 0.0
         unit, gain, _ = self._units(joint)
         stiffness, damping = (value(prim, f"{key}:{name}", 0.0) * gain
