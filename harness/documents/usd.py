@@ -34,9 +34,6 @@ VARIANTS, OUTSIDE = "CROSSCHECK_USD_VARIANTS", "CROSSCHECK_USD_OUTSIDE"
 MAX_LAYERS = 500
 """The most layers of a stage."""
 
-EARTH = 9.81
-"""Gravity of a scene that states none, m/s^2."""
-
 CRATE, PACKAGE = b"PXR-USDC", b"PK\x03\x04"
 """First bytes of a binary layer and of a package, which have no lines."""
 
@@ -72,17 +69,6 @@ _UNBOUNDED = re.compile(r"\w*(Limit|low|high|maxForce|velocityLimit|centerOfMass
 """Ends of names of values that may be infinite."""
 
 
-def _import_usd(file: Path) -> Any:
-    """Return the package `pxr` with its modules, or raise `LocationError` without OpenUSD."""
-    try:
-        import pxr
-        from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils  # noqa: F401
-    except ImportError:
-        error = LocationError("reading USD needs usd-core, which is not installed", file=file)
-        raise error.with_remedy("pip install 'physics-crosscheck[usd]'") from None
-    return pxr
-
-
 class UsdPlace(NamedTuple):
     """The layer that states a value, its line from 1 if it is text, and the prim and property.
 
@@ -113,7 +99,13 @@ class UsdStage:
     """
 
     def __init__(self, path: Path, settings: Mapping[str, object]) -> None:
-        pxr = self.pxr = _import_usd(path)
+        try:
+            import pxr
+            from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils  # noqa: F401
+        except ImportError:
+            problem = LocationError("reading USD needs usd-core, which is not installed", file=path)
+            raise problem.with_remedy("pip install 'physics-crosscheck[usd]'") from None
+        self.pxr: Any = pxr
         self.path, self.obstacles = path, list[ReadError]()
         self._changed: dict[tuple[str, str], Any] = {}
         self._lines: dict[str, Mapping[str, int]] = {}
@@ -203,7 +195,7 @@ class UsdStage:
         """Gravity of the first scene, m/s^2; along the up axis where it states no direction."""
         direction = np.array(self.value(self._scene, "physics:gravityDirection", (0.0, 0.0, 0.0)))
         stated = self.value(self._scene, "physics:gravityMagnitude", -1.0)
-        size = EARTH if stated < 0 else stated * self.unit
+        size = 9.81 if stated < 0 else stated * self.unit
         if not direction.any():
             direction = -np.eye(3)[self.up]
         x, y, z = (size * direction / np.linalg.norm(direction)).tolist()

@@ -7,6 +7,7 @@ import pytest
 from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.records import AuditFinding
+from tests.robots.usd import edited
 
 pytest.importorskip("pxr")
 
@@ -61,10 +62,8 @@ def Xform "arm" (prepend apiSchemas = ["PhysicsArticulationRootAPI"]) {
 """
 
 ROOT, BODY = '["PhysicsArticulationRootAPI"]', ' "base" (prepend apiSchemas = ['
-MOMENTS, BINDING = (
-    "        quatf physics:pr",
-    "            rel material:binding:physics = </rubber>\n",
-)
+MOMENTS = "        quatf physics:pr"
+BINDING = "            rel material:binding:physics = </rubber>\n"
 TENSOR = "        double[] newton:inertia = [0.0005, 0.015, 0.016, 0, 0, 0]\n"
 SCALED = """{
     double3 xformOp:scale = (1, 1, 2)
@@ -72,12 +71,8 @@ SCALED = """{
 
 
 def advice(folder: Path, *edits: tuple[str, str]) -> list[AuditFinding]:
-    text = ARM
-    for old, new in edits:
-        assert old in text
-        text = text.replace(old, new, 1)
     file = folder / "arm.usda"
-    file.write_text(text)
+    file.write_text(edited(*edits, text=ARM))
     findings = plausibility_findings(read_robot(file))
     return [one for one in findings if one.severity == "advice"]
 

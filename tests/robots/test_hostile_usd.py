@@ -19,9 +19,9 @@ EXTRA = """PhysicsRevoluteJoint "extra"
 ELBOW, UP, MASS = 'PhysicsRevoluteJoint "elbow"', 'upAxis = "Z"', "float physics:mass = 1.5"
 LAYER = 'upAxis = "Z"\n    subLayers = [@{}@]'.format
 NO_LAYER = "does not compose"
-MASS_LINE = "arm.usda:24: /arm/upper.physics:mass: "
+MASS_LINE = "arm.usda:22: /arm/upper.physics:mass: "
 EDITS = {
-    "loop": ('PhysicsFixedJoint "mount"', EXTRA, "arm.usda:55: /arm/elbow: joint 'elbow' closes"),
+    "loop": ('PhysicsFixedJoint "mount"', EXTRA, "arm.usda:53: /arm/elbow: joint 'elbow' closes"),
     "wrong body": ("body1 = </arm/lower>", "body1 = </a>", "/arm/elbow.physics:body1: /a does not"),
     "one body": ("body1 = </arm/lower>", "body1 = </arm/upper>", "both ends are on the same body"),
     "two axes": (ELBOW, 'PhysicsJoint "elbow"', "/arm/elbow: a PhysicsJoint of these axes is not"),
@@ -29,7 +29,7 @@ EDITS = {
     "URL": (UP, LAYER("https://h/a"), "arm.usda:7: refused: it names 'https://h/a', and nothing"),
     "outside": (UP, LAYER("../o.usda"), "arm.usda:7: refused: it names '../o.usda', outside of"),
     "missing layer": (UP, LAYER("no.usda"), NO_LAYER),
-    "syntax": (MASS, "float physics:mass = ", "arm.usda:24: not a USD layer"),
+    "syntax": (MASS, "float physics:mass = ", "arm.usda:22: not a USD layer"),
     "cycle": ('Xform "arm" (', 'Xform "arm" (\n    references = @arm.usda@</arm>', NO_LAYER),
     "no body": ("PhysicsRigidBodyAPI", "NoAPI", "it has no rigid body"),
     "nan": (MASS, "float physics:mass = nan", MASS_LINE + "it is not a number"),

@@ -14,11 +14,9 @@ ARM = """#usda 1.0
     kilogramsPerUnit = 1
     upAxis = "Z"
 )
-
 def PhysicsScene "scene" {
     float physics:gravityMagnitude = 9.81
 }
-
 def Xform "arm" (
     prepend apiSchemas = ["PhysicsArticulationRootAPI"]
 ) {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,7 @@ def mass_of(stage: UsdStage, prim: Any) -> SpatialInertia:
     mass, center, tensor = _stated(stage, prim)
     if mass is not None and center is not None and tensor is not None:
         return SpatialInertia(mass, center, tensor)
-    shapes = NO_INERTIA
-    for inertia in _shapes(stage, prim):
-        shapes = shapes.combined(inertia)
+    shapes = reduce(SpatialInertia.combined, _shapes(stage, prim), NO_INERTIA)
     whole = shapes.mass if mass is None else mass
     if tensor is None:
         tensor = shapes.inertia * (whole / shapes.mass if shapes.mass else 0.0)

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic, free_name
-from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError, quote
 from physics_crosscheck.harness.documents.sdf.frames import inverse
 from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, UsdStage
@@ -42,7 +41,7 @@ _KINDS = {
 _AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class UsdJoint:
     """A joint of a stage that acts.
 
@@ -151,9 +150,7 @@ class StageTree:
             sentence = "both ends are on the same body"
             stage.add_problem(prim, sentence, "name two bodies", name="physics:body1")
         else:
-            yield UsdJoint(
-                prim=prim, name=name, kind=kind, axis=axis, key=key, ends=ends, frames=frames
-            )
+            yield UsdJoint(prim, name, kind, axis, key, ends, frames)
 
     def _axis(self, prim: Any) -> tuple[str, int, str]:
         """Return kind, axis and key of a joint; no kind if it is not covered."""
@@ -275,11 +272,9 @@ class StageTree:
         if not has_drive or value(prim, f"{key}:type", "force") == "acceleration":
             return 0.0, 0.0, 0.0, 0.0
         unit, gain, _ = self._units(joint)
-        stiffness, damping = (value(prim, f"{key}:{name}", 0.0) * gain
-                              for name in ("stiffness", "damping"))  # fmt: skip
-        target, velocity = (value(prim, f"{key}:target{name}", 0.0) * unit
-                            for name in ("Position", "Velocity"))  # fmt: skip
-        return stiffness, damping, target, velocity
+        gains = [value(prim, f"{key}:{name}", 0.0) * gain for name in ("stiffness", "damping")]
+        goals = [value(prim, f"{key}:target{end}", 0.0) * unit for end in ("Position", "Velocity")]
+        return gains[0], gains[1], goals[0], goals[1]
 
     def pulls(self) -> Iterator[ForceElement]:
         """Yield forces of drives with a target velocity."""
@@ -295,11 +290,11 @@ class StageTree:
     def _limits(self, joint: UsdJoint) -> tuple[float, float] | None:
         if not joint.key:
             return None
-        is_generic, unit = joint.key in _AXES, self._units(joint)[0]
-        pattern = f"limit:{joint.key}:physics:{{}}" if is_generic else "physics:{}Limit"
-        ends = ("low", "high") if is_generic else ("lower", "upper")
-        low = self.stage.value(joint.prim, pattern.format(ends[0]), -math.inf) * unit
-        high = self.stage.value(joint.prim, pattern.format(ends[1]), math.inf) * unit
+        names, unit = ["physics:lowerLimit", "physics:upperLimit"], self._units(joint)[0]
+        if joint.key in _AXES:
+            names = [f"limit:{joint.key}:physics:{end}" for end in ("low", "high")]
+        low = self.stage.value(joint.prim, names[0], -math.inf) * unit
+        high = self.stage.value(joint.prim, names[1], math.inf) * unit
         return (low, high) if low <= high and math.isfinite(high - low) else None
 
     @cached_property
@@ -378,7 +373,7 @@ class UsdNumbers(ModelFile):
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""
         stage, held = self._stage, self._settings.get("held")
-        stage.change(self._by_number(values))
+        stage.change({self.numerals[i]: value for i, value in values.items()})
         count = len(stage.obstacles)
         try:
             robot = _read_stage(stage, self._settings)
@@ -391,8 +386,5 @@ class UsdNumbers(ModelFile):
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """Return a layer over the file, by its path beside it."""
-        layer = self._stage.overlay(self._by_number(values))
+        layer = self._stage.overlay({self.numerals[i]: value for i, value in values.items()})
         return {self._stage.path.with_suffix(".usda"): layer}
-
-    def _by_number(self, values: Mapping[int, float]) -> dict[Number, float]:
-        return {self.numerals[i]: value for i, value in values.items()}
