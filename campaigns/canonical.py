@@ -2,7 +2,7 @@
 
 Each engine builds a ball or block on a plane through its own interface, with a friction coefficient
 mu and a restitution e. It runs at its default step and at a tenth of it. Exact answers are closed
-forms. The command prints the table of `docs/canonical-contacts.md`; `--published` prints published
+forms. The command prints the table of `docs/engines/index.md`; `--published` prints published
 tables beside our figures. It needs the extras of the engines that `--engines` selects (all).
 """
 
