@@ -149,7 +149,7 @@ def planted(file: Path, kind: str, layer_file: Path) -> str:
     joint = joints[len(joints) // 2]
     body = stage.GetPrimAtPath(joint.GetRelationship("physics:body1").GetTargets()[0])
     prim = body if kind in BODY else joint
-    (BODY | JOINT)[kind](prim)
+    {**BODY, **JOINT}[kind](prim)
     layer.Save()
     return str(prim.GetPath())
 

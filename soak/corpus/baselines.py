@@ -106,9 +106,9 @@ def baseline_entries() -> Iterator[CorpusEntry]:
             for command in (GATE, RUN):
                 title = f"baseline/{command[0]}, {name}"
                 yield _damaged(title, build, model=model, command=command)
-    for name, command in (("gate,", GATE), ("run,", RUN), ("accept into", ACCEPT)):
+    for name, words in (("gate,", GATE), ("run,", RUN), ("accept into", ACCEPT)):
         title = f"baseline/{name} a file"
-        yield _refused(title, _write_file_for_folder, command=command, match="baseline")
+        yield _refused(title, _write_file_for_folder, command=words, match="baseline")
     broken = replace_text(MJCF_FILE, ("<worldbody>", "<worldbody"))
     yield _refused("baseline/accept what fails", broken, command=ACCEPT, match=r"mujoco\.xml")
     damaged = FILES["half of it"]

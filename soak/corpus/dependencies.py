@@ -118,9 +118,9 @@ def dependency_entries() -> Iterator[CorpusEntry]:
             _write_in_workspace(external.path, external.text.format(value))
             for value in (47.0, 47.000047)
         )
-        starts = {"setup": chain_builds(external.use, right), "model": external.model}
-        yield gate(f"gate/{name}, as it was", right, codes=(0,), **starts)
-        yield gate(f"gate/{name}, edited", wrong, codes=(1,), **starts)
+        entry = partial(gate, setup=chain_builds(external.use, right), model=external.model)
+        yield entry(f"gate/{name}, as it was", right, codes=(0,))
+        yield entry(f"gate/{name}, edited", wrong, codes=(1,))
     # Without any engine, no run may pass.
     absent = partial(CorpusEntry, codes=(1, 2, 3), absent=("mujoco", "pybullet", "pymunk"))
     for command in (
