@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from time import process_time
 from types import MappingProxyType
 
 import numpy as np
@@ -64,14 +63,12 @@ class MechanismJudgement:
         extrapolated: every limit with its uncertainty.
         uncertainty: of every limit, with the bound of the reference ends, (K, 2n).
         ratios: errors of the limits over their uncertainty, (K, 2n).
-        seconds: processor time.
     """
 
     verdict: CaseJudgement
     extrapolated: Extrapolated
     uncertainty: Array
     ratios: Array
-    seconds: float
 
 
 def prepare_case(mechanism: RandomMechanism, segments: int) -> MechanismCase:
@@ -119,7 +116,6 @@ def judge_motion(
     Raises:
         EngineError, BlownUpError: if the engine can't run it.
     """
-    began = process_time()
     motion = case.motion
     with loaded(mechanism, settings) as (model, coordinates):
         extrapolated = extrapolate(model, coordinates, motion, resolution=resolution)
@@ -135,7 +131,6 @@ def judge_motion(
         extrapolated=extrapolated,
         uncertainty=uncertainty,
         ratios=np.where(finite, error / np.where(finite, uncertainty, 1.0), 0.0),
-        seconds=process_time() - began,
     )
 
 
