@@ -59,9 +59,9 @@ def drive(stiffness: float) -> Callable[[Any], None]:
     """Return an edit that adds a drive with a gain per degree."""
 
     def edit(prim: Any) -> None:
-        one = UsdPhysics.DriveAPI.Apply(prim, "angular")
-        one.CreateStiffnessAttr(stiffness)
-        one.CreateMaxForceAttr(87.0)
+        motor = UsdPhysics.DriveAPI.Apply(prim, "angular")
+        motor.CreateStiffnessAttr(stiffness)
+        motor.CreateMaxForceAttr(87.0)
 
     return edit
 
@@ -70,6 +70,12 @@ def moved_shift(prim: Any) -> None:
     """Move a joint's frame by 1 mm."""
     attribute = prim.GetAttribute("physics:localPos0")
     attribute.Set(attribute.Get() + Gf.Vec3f(0, 0.001, 0))
+
+
+def other_axis(prim: Any) -> None:
+    """Turn a joint about another axis."""
+    attribute = prim.GetAttribute("physics:axis")
+    attribute.Set({"X": "Y", "Y": "Z", "Z": "X"}[attribute.Get()])
 
 
 def wrong_parent(prim: Any) -> None:
@@ -84,9 +90,9 @@ def wrong_parent(prim: Any) -> None:
 
 def limits_in_radians(prim: Any) -> None:
     """Write the limits of all hinges in radians."""
-    for one in prim.GetStage().Traverse():
-        for end in ("lower", "upper") if one.IsA(UsdPhysics.RevoluteJoint) else ():
-            scaled(f"physics:{end}Limit", math.pi / 180)(one)
+    for joint in prim.GetStage().Traverse():
+        for end in ("lower", "upper") if joint.IsA(UsdPhysics.RevoluteJoint) else ():
+            scaled(f"physics:{end}Limit", math.pi / 180)(joint)
 
 
 def namespaces(prim: Any) -> None:
@@ -108,10 +114,10 @@ def density(prim: Any) -> None:
 
 def variant(prim: Any) -> None:
     """Select a variant with another mass."""
-    one = prim.GetVariantSets().AddVariantSet("load")
-    one.AddVariant("full")
-    one.SetVariantSelection("full")
-    with one.GetVariantEditContext():
+    loads = prim.GetVariantSets().AddVariantSet("load")
+    loads.AddVariant("full")
+    loads.SetVariantSelection("full")
+    with loads.GetVariantEditContext():
         prim.GetAttribute("physics:mass").Set(99.0)
     prim.GetAttribute("physics:mass").Clear()
 
@@ -127,7 +133,7 @@ BODY: Mapping[str, Callable[[Any], None]] = {
 }  # fmt: skip
 JOINT: Mapping[str, Callable[[Any], None]] = {
     "limits in radians": limits_in_radians, "wrong body0": wrong_parent, "frame 1 mm": moved_shift,
-    "conjugated localRot0": turned("physics:localRot0"), "axis": written("physics:axis", "Y"),
+    "conjugated localRot0": turned("physics:localRot0"), "axis": other_axis,
     "gain per radian": drive(100.0), "gain per degree": drive(1.7453293),
     "localRot0 not of unit length": written("physics:localRot0", Gf.Quatf(2, 0, 0, 0)),
     "namespaces": namespaces,
@@ -171,8 +177,8 @@ def main(given: Sequence[str] | None = None) -> None:
     print("| robot | fault | named | by | invented |\n|---|---|---|---|---|", flush=True)
     for file in chosen.robots:
         usual: dict[str, set[str]] = {}
-        for one in advice(file):
-            usual.setdefault(one.kind, set()).update(one.subject)
+        for finding in advice(file):
+            usual.setdefault(finding.kind, set()).update(finding.subject)
         layer_file = file.with_name("planted.usda")
         for kind in (one for one in (*BODY, *JOINT) if re.search(chosen.only, one)):
             layer_file.unlink(missing_ok=True)

@@ -124,8 +124,8 @@ def mass_difference(robot: UsdRobot) -> str:
     for _ in range(8):
         values = generator.uniform(-1, 1, len(names))
         masses = []
-        for side, tree, row in zip(sides, trees, rows, strict=True):
-            q = RobotFacts(side, tree).drawn.copy()
+        for read, tree, row in zip(sides, trees, rows, strict=True):
+            q = RobotFacts(read, tree).drawn.copy()
             q[[row[name][0] for name in names]] = values
             here = [row[name][1] for name in names]
             masses.append(Recursion(tree).mass(q)[np.ix_(here, here)])

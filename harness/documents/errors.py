@@ -118,5 +118,6 @@ class ReadError:
     def unreadable(error: LocationError, path: Path) -> ReadError:
         """Return the problem of a file that is not XML."""
         line = error.line or 0
-        remedy = error.remedy if line else "give another"
+        is_named = line or error.remedy != LocationError.remedy
+        remedy = error.remedy if is_named else "give another"
         return ReadError(sentence=error.sentence, file=path, line=line, remedy=remedy, kind="file")

@@ -152,7 +152,7 @@ CHECKS = (
     MEASUREMENT,
     ModelCheck(
         kind="linearizations",
-        function="checks.linearizations.run_linearizations",
+        function="checks.compiled_terms.run_linearizations",
         result=tuple[EngineLinearization, ...],
         plans=("run",),
         wanted=lambda facts, options: (

@@ -197,7 +197,10 @@ def test_files_that_it_cannot_run_are_refused(
         load(TREE.replace(*edit), tmp_path)
 
 
-def test_assumed_mass_is_a_remark(tmp_path: Path) -> None:
-    model = load(TREE.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
+def test_assumed_mass_and_moments_are_remarks(tmp_path: Path) -> None:
+    text = TREE.replace("(0.02, 0.015, 0.01)", "(0, 0, 0)", 1)
+    model = load(text.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
     still = model.home[None]
-    assert any("PhysX gives base 1 kg" in one.message for one in model.remarks(still, 0 * still))
+    messages = " ".join(one.message for one in model.remarks(still, 0 * still))
+    assert "PhysX gives base 1 kg" in messages
+    assert "replaces the moments of base" in messages

@@ -28,7 +28,7 @@ from physics_crosscheck.harness.engines.newton.reading import (
     new_builder,
     without_limit_forces,
 )
-from physics_crosscheck.harness.engines.newton.usd import read_usd
+from physics_crosscheck.harness.engines.newton.usd import USD_NON_PHYSICAL, read_usd
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     EngineError,
@@ -221,6 +221,7 @@ class NewtonEngine(UrdfEngine):
     formats = (".urdf", ".xml", *SUFFIXES)
     package, distribution, extra = "newton", "newton", "newton"
     defaults = DEFAULTS
+    non_physical = MappingProxyType({**UrdfEngine.non_physical, **USD_NON_PHYSICAL})
     capabilities = (
         "joints: slide, hinge, ball, free",
         "springs: joint springs; fixed tendons by the adapter",

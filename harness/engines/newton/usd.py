@@ -24,6 +24,14 @@ from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 ORPHANS = "Newton's leaving out of joints without a PhysicsArticulationRootAPI"
 
+USD_NON_PHYSICAL: Mapping[str, str] = {
+    r".*@(physics:(lower|upper)Limit|limit:.*|newton:limit.*)": "joint limits",
+    r".*@(newton:friction|physics:\w+Friction)": "dry friction",
+    r".*@(drive:.*:maxForce|newton:velocityLimit)": "actuator limits",
+    r".*@(mjc|physx\w*|state):.*": "other namespaces",
+}
+"""Numbers of a stage that need not affect a smooth motion, by purpose."""
+
 
 def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     """Read a stage whose settings are valid.

@@ -53,7 +53,7 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import open_stage, sample_stages
+from physics_crosscheck.harness.engines.source import open_stage, sample_stages, shortened
 from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
@@ -276,6 +276,9 @@ class PhysxModel(TreeModel):
             yield Remark(
                 kind="setting", message=cause, address=address, shows_in=shows, fault=not is_own
             )
+        if names := self._layer.momentless:
+            message = f"PhysX replaces the moments of {shortened(names)}: the file states none"
+            yield Remark(kind="inertial", message=message, shows_in=("inertia",))
         masses = self._scene.read("BODY_MASS")
         for name, mass in zip(self._scene.links, masses, strict=True):
             if name in self._layer.massless and mass == 1.0:

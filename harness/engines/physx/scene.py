@@ -129,6 +129,7 @@ class StageLayer:
         links: names of bodies here by PhysX's name.
         followers: PhysX's names of joints that follow another one.
         massless: PhysX's names of bodies for which the file states no mass.
+        momentless: names here of bodies for which it states no moments of inertia.
         limits: of slides and hinges in the file, m or rad, by PhysX's name.
         ends: PhysX's names of each joint and of its two bodies; empty for the world.
 
@@ -156,6 +157,11 @@ class StageLayer:
         self.massless = {
             one.GetName() for one in bodies if file.stated(one, "physics:mass") in (None, 0.0)
         }
+        self.momentless = [
+            self.links[one.GetName()]
+            for one in bodies
+            if not any(file.stated(one, "physics:diagonalInertia") or ())
+        ]
         self.limits = {one: self._limits(*self.joints[one][:2]) for one in self.joints}
         self.ends = [(one.GetName(), self._end(one, 0), self._end(one, 1)) for one in joints]
         self.base = next(self._bases(joints), "")

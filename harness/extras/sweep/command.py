@@ -7,7 +7,7 @@ from physics_crosscheck.harness.interfaces.cli import arguments
 from physics_crosscheck.harness.interfaces.cli.help import INTERRUPTED, Command, group, option
 
 DESIGNS = ("latin", "sobol", "random")
-"""Designs of `harness.extras.sweep.draws` with a number of draws; importing them needs sympy."""
+"""Designs of `harness.extras.sweep.factors` with a number of draws; importing them needs sympy."""
 
 
 def _steps(text: str) -> tuple[float, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.usd import overlay_path, stage_of
 from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.tree import Tree
-from ..numbers import ModelFile
+from ..numbers import SMALL, UNSIZED, ModelFile
 from .read import read_stage
 
 _RELEVANT = re.compile(
@@ -36,7 +37,10 @@ class UsdNumbers(ModelFile):
         self._path = path
         held = settings.get("held")
         self._held = held if isinstance(held, list) else []
-        self.numerals = self._stage.numbers
+        self.numerals = tuple(
+            replace(one, scale=one.scale if one.scale > SMALL else UNSIZED)
+            for one in self._stage.numbers
+        )
 
     @cached_property
     def relevant_numbers(self) -> tuple[int, ...]:
