@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from soak.corpus.entry import Build, CorpusEntry
+from soak.corpus.entry import Build, CorpusEntry, write_file
 
 _COMMAND = ("report", "@hostile/results.json", "--out", "@out")
 _entry = partial(CorpusEntry, command=_COMMAND, codes=(2,), match=r"results\.json")
@@ -20,10 +20,6 @@ def _example_results() -> Any:
     from tests.records.examples import example
 
     return example(Results)
-
-
-def _write_results(data: bytes) -> Build:
-    return lambda workspace: (workspace / "hostile" / "results.json").write_bytes(data)
 
 
 def _change_value(*path: str | int, value: object) -> Build:
@@ -84,7 +80,7 @@ MARKUP = "</script><script>open('PWNED')</script>{{ 7 * 7 }}{% for %}<!-- \u202e
 def result_entries() -> Iterator[CorpusEntry]:
     """Yield the entries of `report`."""
     for name, data in TEXTS.items():
-        yield _entry(f"report/{name}", _write_results(data))
+        yield _entry(f"report/{name}", write_file("results.json", data))
     for name, (path, value) in VALUES.items():
         yield _entry(f"report/{name}", _change_value(*path, value=value))
     for path in (("created",), ("cases", 0, "reason"), ("cases", 0, "stdout"),
