@@ -18,12 +18,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
-from tests.report.chromium import CHROMIUM, Tab, running
+from tests.report.chromium import CHROMIUM, Browser, Tab, running
 
 VIEWS = {
     "overview.png": ("", 1280, 800),
@@ -56,13 +57,17 @@ HEADLESS = (
 )  # fmt: skip
 
 
+@contextmanager
+def headless_browser() -> Iterator[Browser]:
+    """Yield a browser with a new profile, which it may still write while it ends."""
+    profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+    with profile as folder, running(Path(folder)) as browser:
+        yield browser
+
+
 def frames(report: Path) -> Iterator[Image.Image]:
     """Yield pictures of the first screen, from the worst state to its end."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        running(Path(folder)) as browser,
-        browser.tab() as tab,
-    ):
+    with headless_browser() as browser, browser.tab() as tab:
         tab.window(*SIZE)
         still = {"name": "prefers-reduced-motion", "value": "reduce"}
         tab.send("Emulation.setEmulatedMedia", features=[still])
@@ -86,7 +91,7 @@ def write_pictures(reports: Mapping[Path, Path]) -> None:
     """Write a small picture of the robot of each report, as drawn, if a browser is installed."""
     if not reports or CHROMIUM is None:
         return
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
+    with headless_browser() as browser:
         for report, path in reports.items():
             with browser.tab() as tab:
                 tab.window(640, 900)
