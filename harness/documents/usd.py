@@ -268,6 +268,12 @@ class UsdStage:
         relationship = prim.GetRelationship(name)
         return list(relationship.GetForwardedTargets()) if relationship else []
 
+    def body_of(self, prim: Any) -> Any:
+        """Return the rigid body that a prim is, or is below of; None without one."""
+        while prim and "PhysicsRigidBodyAPI" not in prim.GetAppliedSchemas():
+            prim = prim.GetParent()
+        return prim or None
+
     def place(self, prim: Any, name: str = "") -> UsdPlace:
         """Return the place of a property's strongest opinion; without a name that of the prim."""
         address = f"{prim.GetPath()}.{name}" if name else str(prim.GetPath())
@@ -386,7 +392,10 @@ class UsdStage:
 
     def overlay(self, values: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
-        layer = self._layer_of(self.changed_values(values))
+        return self.over_file(self._layer_of(self.changed_values(values))).encode()
+
+    def over_file(self, layer: Any) -> str:
+        """Return a layer as text, with the file below it."""
         root, original = layer.pseudoRoot, self.stage.GetRootLayer()
         for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
             if original.pseudoRoot.HasInfo(key):
@@ -395,7 +404,7 @@ class UsdStage:
             layer.defaultPrim = original.defaultPrim
         layer.subLayerPaths.append(os.path.abspath(self.path))
         text: str = layer.ExportToString()
-        return text.encode()
+        return text
 
 
 def plain(value: Any) -> Any:
