@@ -15,10 +15,11 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.usd import UsdStage
+from physics_crosscheck.harness.modelfiles.usd.read import rotation_of
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
-from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place, from_quaternion
+from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from ..findings import finding
 
 DEGREE, NAMED = math.pi / 180, 3
@@ -65,7 +66,7 @@ class _StageJoint(NamedTuple):
 
 
 class _Statement(NamedTuple):
-    """A quantity as an attribute states it, and the factor of its value to SI units."""
+    """A quantity as an attribute states it, and the factor to SI units."""
 
     prim: Any
     name: str
@@ -94,21 +95,6 @@ class StageFacts:
     def _end(self, prim: Any, end: int) -> Any:
         paths = self.stage.targets(prim, f"physics:body{end}")
         return (self.stage.stage.GetPrimAtPath(paths[0]) or None) if paths else None
-
-    def body_above(self, prim: Any) -> Any:
-        """Return the rigid body that holds a prim, or that it is; None without one."""
-        while prim and prim not in self._moving:
-            prim = prim.GetParent()
-        return prim or None
-
-    @cached_property
-    def _moving(self) -> frozenset[Any]:
-        return frozenset(self.bodies)
-
-    @cached_property
-    def with_shapes(self) -> frozenset[Any]:
-        """Rigid bodies with colliders."""
-        return frozenset(map(self.body_above, self.colliders))
 
     @cached_property
     def _actuators(self) -> Mapping[Any, Any]:
@@ -151,10 +137,9 @@ def _has(prim: Any, schema: str) -> bool:
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
-        first, second = joint.bodies
-        body = first if facts.body_above(second) is None else second
-        is_held = joint.kind == FIXED and None in map(facts.body_above, joint.bodies)
-        if is_held and body is not None and _has(body, "PhysicsArticulationRootAPI"):
+        bodies = [one for one in joint.bodies if facts.stage.body_of(one)]
+        is_held = joint.kind == FIXED and len(bodies) == 1
+        if is_held and _has(body := bodies[0], "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
                 f"{joint.prim.GetPath()} fixes to the world: engines simulate a free base and an "
@@ -165,21 +150,21 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
 
 def unset_masses(facts: StageFacts) -> UsdAdvice:
     """Yield moving bodies with the mass 0, or without shapes that give what is not stated."""
-    moved = {facts.body_above(body) for joint in facts.joints for body in joint.bodies}
+    moved = {facts.stage.body_of(end) for joint in facts.joints for end in joint.bodies}
+    solid = set(map(facts.stage.body_of, facts.colliders))
     for body in (one for one in facts.bodies if one in moved):
         mass, moments, tensor = (
             facts.stage.stated(body, one) for one in ("physics:mass", MOMENTS, "newton:inertia")
         )
-        shapes = body in facts.with_shapes
+        how = "hold it, refuse the file"
         if mass == 0:
             what = "the mass 0, which means that it is not stated"
-        elif not shapes and not mass:
-            what = "neither a mass nor a shape"
-        elif not shapes and not any(moments or ()) and not tensor:
-            what = "a mass, but neither moments of inertia nor a shape"
-        else:
+            how = "compute it from the density of its shapes" if body in solid else how
+        elif body in solid or (mass and (any(moments or ()) or tensor)):
             continue
-        how = "compute it from the density of its shapes" if shapes else "hold it, refuse the file"
+        else:
+            what = "a mass, but neither moments of inertia" if mass else "neither a mass"
+            what += " nor a shape"
         message = (
             f"body {quote(body.GetName())} has {what}: engines {how}, or invent numbers, such as"
             " 1 kg. State physics:mass and physics:diagonalInertia, or join it to its parent"
@@ -223,14 +208,14 @@ def _clash(facts: StageFacts, quantity: str, first: _Statement, other: _Statemen
     if math.isclose(here, there, rel_tol=SAME_FLOAT):
         return
     per = f" ({first.value:g} per degree)" if first.factor > 1 else ""
+    expected = there / first.factor
     message = (
         f"the {quantity} of {quote(first.prim.GetName())} is {here:.6g}{per} by {first.name} and "
         f"{there:.6g} by {other.name} in {facts.line(other.prim, other.name)}: each engine reads "
-        f"one of them. Write {there / first.factor:.6g} for the first, or {here / other.factor:.6g}"
-        " for the second"
+        f"one of them. Write {expected:.6g} for the first, or {here / other.factor:.6g} for the "
+        "second"
     )
     excess = abs(math.log(abs(here or 1e-9) / abs(there or 1e-9)))
-    expected = there / first.factor
     yield facts.advice(
         "clashing values", [first.prim], message, first.name, expected, first.value, excess
     )
@@ -240,8 +225,7 @@ def _clashing_inertia(facts: StageFacts, body: Any) -> UsdAdvice:
     tensor, moments = facts.stage.stated(body, "newton:inertia"), facts.stage.stated(body, MOMENTS)
     if not isinstance(tensor, tuple) or len(tensor) != 6 or not any(moments or ()):
         return
-    axes = np.array(facts.stage.value(body, "physics:principalAxes", (0.0, 0.0, 0.0, 0.0)))
-    turn = from_quaternion(axes) if any(axes) else np.eye(3)
+    turn = rotation_of(facts.stage.value(body, "physics:principalAxes", (0.0,) * 4))
     stated = (turn @ np.diag(moments) @ turn.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     apart = np.abs(stated - tensor)
     worst, share = int(np.argmax(apart)), float(apart.max() / max(map(abs, tensor)))
@@ -319,12 +303,11 @@ def joint_frames(facts: StageFacts) -> UsdAdvice:
 
 def _joint_frame(facts: StageFacts, joint: _StageJoint, end: int) -> Place:
     """Return the frame of a joint on one of its bodies, in the world, m."""
-    body = joint.bodies[end]
-    origin = facts.stage.value(joint.prim, f"physics:localPos{end}", (0.0, 0.0, 0.0))
-    axes = facts.stage.value(joint.prim, f"physics:localRot{end}", (1.0, 0.0, 0.0, 0.0))
-    there, scale = (IDENTITY, np.ones(3)) if body is None else facts.stage.world(body)
-    turn = from_quaternion(np.array(axes)) if any(axes) else np.eye(3)
-    return there.compose(Place(turn, np.array(origin) * scale * facts.stage.unit))
+    body, stage = joint.bodies[end], facts.stage
+    origin = stage.value(joint.prim, f"physics:localPos{end}", (0.0, 0.0, 0.0))
+    turn = rotation_of(stage.value(joint.prim, f"physics:localRot{end}", (1.0, 0.0, 0.0, 0.0)))
+    there, scale = (IDENTITY, np.ones(3)) if body is None else stage.world(body)
+    return there.compose(Place(turn, np.array(origin) * scale * stage.unit))
 
 
 def unset_frictions(facts: StageFacts) -> UsdAdvice:
