@@ -146,6 +146,9 @@ class UsdStage:
             raise LocationError(f"does not compose: {_one_line(errors[0])}", file=path)
         self.unit = float(pxr.UsdGeom.GetStageMetersPerUnit(self.stage))
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
+        if not 0 < min(self.unit, self.mass_unit) <= max(self.unit, self.mass_unit) < math.inf:
+            wrong = f"metersPerUnit is {self.unit:g}, and kilogramsPerUnit {self.mass_unit:g}"
+            raise LocationError(wrong, file=path).with_remedy("write positive numbers")
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
     def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:

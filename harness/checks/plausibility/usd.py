@@ -15,11 +15,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.usd import UsdStage
-from physics_crosscheck.harness.modelfiles.usd.read import rotation_of
+from physics_crosscheck.harness.modelfiles.usd.read import StageTree, UsdJoint, rotation_of
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
-from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from ..findings import finding
 
 DEGREE, NAMED = math.pi / 180, 3
@@ -33,10 +32,6 @@ MAX_GAP, MAX_TURN = 1e-4, 1e-3
 
 SATURATED = 2.0
 """Degrees at which a drive reaches its largest force, below which its gain may be per radian."""
-
-HINGE, SLIDE, FIXED, BALL = (f"Physics{one}Joint" for one in (
-    "Revolute", "Prismatic", "Fixed", "Spherical",
-))  # fmt: skip
 
 QUATERNIONS = ("quatf", "quatd", "quath")
 
@@ -57,14 +52,6 @@ STATED: Mapping[str, Mapping[str, float]] = {
 UsdAdvice = Iterator[tuple[float, AuditFinding]]
 
 
-class _StageJoint(NamedTuple):
-    """A joint, its type, and the prims that it connects; None for the world."""
-
-    prim: Any
-    kind: str
-    bodies: tuple[Any, Any]
-
-
 class _Statement(NamedTuple):
     """A quantity as an attribute states it, and the factor to SI units."""
 
@@ -78,37 +65,24 @@ class StageFacts:
     """The prims of a stage by their roles."""
 
     def __init__(self, stage: UsdStage) -> None:
-        self.stage = stage
-        self.bodies = [one for one in stage.prims if _has(one, "PhysicsRigidBodyAPI")]
+        self.stage, self.tree = stage, StageTree(stage)
+        self.joints = self.tree.all_joints
+        self.bodies = [one.prim for one in self.tree.bodies.values()]
         self.colliders = [one for one in stage.prims if _has(one, "PhysicsCollisionAPI")]
-
-    @cached_property
-    def joints(self) -> tuple[_StageJoint, ...]:
-        """Joints of all types."""
-        names = ((prim, str(prim.GetTypeName())) for prim in self.stage.prims)
-        return tuple(
-            _StageJoint(prim, name, (self._end(prim, 0), self._end(prim, 1)))
-            for prim, name in names
-            if name.startswith("Physics") and name.endswith("Joint")
-        )
-
-    def _end(self, prim: Any, end: int) -> Any:
-        paths = self.stage.targets(prim, f"physics:body{end}")
-        return (self.stage.stage.GetPrimAtPath(paths[0]) or None) if paths else None
 
     @cached_property
     def _actuators(self) -> Mapping[Any, Any]:
         prims = (one for one in self.stage.prims if one.HasRelationship("mjc:target"))
         return {path: one for one in prims for path in self.stage.targets(one, "mjc:target")}
 
-    def statements(self, joint: _StageJoint, quantity: str) -> list[_Statement]:
+    def statements(self, joint: UsdJoint, quantity: str) -> list[_Statement]:
         """Return the attributes that state a quantity of a joint; inf states none."""
         names = [(joint.prim, name, factor) for name, factor in STATED[quantity].items()]
         if quantity == FORCE and joint.prim.GetPath() in self._actuators:
             names.append((self._actuators[joint.prim.GetPath()], "mjc:forceRange:max", 1.0))
         values = ((prim, name, self.stage.stated(prim, name), one) for prim, name, one in names)
         return [
-            _Statement(prim, name, value, factor if joint.kind == HINGE else 1.0)
+            _Statement(prim, name, value, factor if joint.kind == "hinge" else 1.0)
             for prim, name, value, factor in values
             if isinstance(value, float) and math.isfinite(value)
         ]
@@ -137,8 +111,8 @@ def _has(prim: Any, schema: str) -> bool:
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
-        bodies = [one for one in joint.bodies if facts.stage.body_of(one)]
-        is_held = joint.kind == FIXED and len(bodies) == 1
+        bodies = [facts.tree.bodies[end].prim for end in joint.ends if end]
+        is_held = joint.kind == "fixed" and len(bodies) == 1
         if is_held and _has(body := bodies[0], "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
@@ -150,9 +124,9 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
 
 def unset_masses(facts: StageFacts) -> UsdAdvice:
     """Yield moving bodies with the mass 0, or without shapes that give what is not stated."""
-    moved = {facts.stage.body_of(end) for joint in facts.joints for end in joint.bodies}
+    moved = {end for joint in facts.joints for end in joint.ends}
     solid = set(map(facts.stage.body_of, facts.colliders))
-    for body in (one for one in facts.bodies if one in moved):
+    for body in (one.prim for name, one in facts.tree.bodies.items() if name in moved):
         mass, moments, tensor = (
             facts.stage.stated(body, one) for one in ("physics:mass", MOMENTS, "newton:inertia")
         )
@@ -179,7 +153,7 @@ def gain_units(facts: StageFacts) -> UsdAdvice:
     for joint in facts.joints:
         gain, force, damping = (facts.stage.stated(joint.prim, name) or 0.0 for name in names)
         is_written = all(f"{one:.6g}" == f"{float(f'{one:.3g}'):.6g}" for one in (gain, damping))
-        if joint.kind == HINGE and is_written and 0 < force < SATURATED * gain:
+        if joint.kind == "hinge" and is_written and 0 < force < SATURATED * gain:
             message = (
                 f"the drive of {quote(joint.prim.GetName())} has the stiffness {gain:g} per degree,"
                 f" {gain / DEGREE:.5g} N m/rad, and reaches its largest force, {force:g} N m, at "
@@ -277,14 +251,15 @@ def quaternions(facts: StageFacts) -> UsdAdvice:
 def joint_frames(facts: StageFacts) -> UsdAdvice:
     """Yield joints whose two frames do not meet as drawn."""
     for joint in facts.joints:
-        if joint.kind not in (HINGE, SLIDE, FIXED, BALL) or joint.bodies == (None, None):
-            continue
-        first, second = _joint_frame(facts, joint, 0), _joint_frame(facts, joint, 1)
-        axis = np.eye(3)["XYZ".find(str(facts.stage.value(joint.prim, "physics:axis", "X")))]
+        first, second = (
+            frame if end is None else facts.tree.bodies[end].place.compose(frame)
+            for end, frame in zip(joint.ends, joint.frames, strict=True)
+        )  # fmt: skip
+        axis = np.eye(3)[joint.axis]
         apart = first.rotation.T @ (second.origin - first.origin)
-        apart = apart - (axis @ apart) * axis if joint.kind == SLIDE else apart
+        apart = apart - (axis @ apart) * axis if joint.kind == "slide" else apart
         relative = first.rotation.T @ second.rotation
-        still = np.diag(axis if joint.kind == HINGE else np.full(3, float(joint.kind != BALL)))
+        still = np.diag(axis if joint.kind == "hinge" else np.full(3, float(joint.kind != "ball")))
         # The sine of half the angle between the axes that the joint holds.
         turn = 2 * math.asin(min(1.0, float(np.linalg.norm((relative - np.eye(3)) @ still, 2)) / 2))
         gap = float(np.linalg.norm(apart))
@@ -299,15 +274,6 @@ def joint_frames(facts: StageFacts) -> UsdAdvice:
             name = "physics:localPos0" if is_gap else "physics:localRot0"
             actual = gap if is_gap else turn
             yield facts.advice("joint frames", [joint.prim], message, name, 0.0, actual, excess)
-
-
-def _joint_frame(facts: StageFacts, joint: _StageJoint, end: int) -> Place:
-    """Return the frame of a joint on one of its bodies, in the world, m."""
-    body, stage = joint.bodies[end], facts.stage
-    origin = stage.value(joint.prim, f"physics:localPos{end}", (0.0, 0.0, 0.0))
-    turn = rotation_of(stage.value(joint.prim, f"physics:localRot{end}", (1.0, 0.0, 0.0, 0.0)))
-    there, scale = (IDENTITY, np.ones(3)) if body is None else stage.world(body)
-    return there.compose(Place(turn, np.array(origin) * scale * stage.unit))
 
 
 def unset_frictions(facts: StageFacts) -> UsdAdvice:
@@ -358,21 +324,22 @@ def scaled_bodies(facts: StageFacts) -> UsdAdvice:
 
 def limits_like_radians(facts: StageFacts) -> UsdAdvice:
     """Yield limits of hinges, in degrees, of a file that states them like radians."""
-    limits: dict[Any, float] = {}
+    limits: dict[UsdJoint, float] = {}
     for joint in facts.joints:
-        ends = [facts.stage.stated(joint.prim, f"physics:{one}Limit") for one in ("lower", "upper")]
-        if joint.kind == HINGE and None not in ends and all(map(math.isfinite, ends)):
-            limits[joint.prim] = max(map(abs, ends))
+        ends = [facts.stage.stated(joint.prim, name) for name in joint.limit if name]
+        if joint.kind == "hinge" and None not in ends and all(map(math.isfinite, ends)):
+            limits[joint] = max(map(abs, ends))
     parts = [value / (math.pi / 12) for value in limits.values()]
     is_like_radians = any(part > 1 and abs(part - round(part)) < 2e-3 for part in parts)
     if is_like_radians and max(limits.values()) <= 2 * math.pi + 0.01:
-        for prim, value in limits.items():
+        for joint, value in limits.items():
             message = (
-                f"joint {quote(prim.GetName())} has limits up to {value:g} degrees, like radians: "
-                f"as radians they are {value / DEGREE:.4g} degrees. Write degrees"
+                f"joint {quote(joint.prim.GetName())} has limits up to {value:g} degrees, like "
+                f"radians: as radians they are {value / DEGREE:.4g} degrees. Write degrees"
             )
-            name = "physics:upperLimit"
-            yield facts.advice("implausible limit", [prim], message, name, value / DEGREE, value)
+            yield facts.advice(
+                "implausible limit", [joint.prim], message, joint.limit[1], value / DEGREE, value
+            )
 
 
 JUDGES: Sequence[Callable[[StageFacts], UsdAdvice]] = (

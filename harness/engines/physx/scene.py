@@ -120,7 +120,8 @@ class PhysxScene:
         """Return a tensor of the articulation."""
         binding, buffer = self._binding(name)
         binding.read(buffer)
-        return np.array(buffer[0], dtype=np.float64) * self._units.get(name, 1.0)
+        result: Array = buffer[0].astype(float) * self._units.get(name, 1.0)
+        return result
 
     def write(self, name: str, values: Array) -> None:
         """Set a tensor of the articulation."""
