@@ -1,7 +1,7 @@
 """Advice about a USD stage: what engines read in different ways, or not at all.
 
-Units and fallbacks are those of the schemas UsdPhysics, Newton (`newton:`), MuJoCo (`mjc:`) and
-PhysX (`physx*:`). A value that no layer states has a fallback that means something.
+Units and fallbacks are those of the schemas of UsdPhysics, and of the namespaces `newton:`, `mjc:`
+and `physx*:`. A value that no layer states has a fallback that means something.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.modelfiles.usd.read import StageTree, UsdJoint, rotation_of
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
 from ..findings import finding
+from .facts import Advice
 
 DEGREE, NAMED = math.pi / 180, 3
 """rad; most joints, shapes or bodies that a message names."""
@@ -49,7 +50,7 @@ STATED: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Attributes of a joint that state one quantity, with a hinge's factor to SI units in radians."""
 
-UsdAdvice = Iterator[tuple[float, AuditFinding]]
+UsdAdvice = Iterator[Advice]
 
 
 class _Statement(NamedTuple):
@@ -90,7 +91,7 @@ class StageFacts:
     def advice(
         self, kind: PlausibilityKind, prims: Sequence[Any], message: str, name: str = "",
         expected: float | None = None, actual: float | None = None, excess: float = 1.0,
-    ) -> tuple[float, AuditFinding]:  # fmt: skip
+    ) -> Advice:  # fmt: skip
         """Return advice about prims, at a property of the first one."""
         names = (*(str(prim.GetPath()) for prim in prims), *([name] if name else []))
         return excess, finding(

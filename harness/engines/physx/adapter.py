@@ -260,7 +260,13 @@ class PhysxModel(TreeModel):
     @property
     def inertias(self) -> Mapping[str, SpatialInertia]:
         """Mass and inertia of each link in its frame."""
-        return dict(zip(self._scene.links, self._steps.inertias(), strict=True))
+        read, result = self._scene.read, dict[str, SpatialInertia]()
+        tensors = read("BODY_INERTIA").reshape(-1, 3, 3)
+        rows = zip(read("BODY_MASS"), read("BODY_COM_POSE"), tensors, strict=True)
+        for name, (mass, pose, tensor) in zip(self._scene.links, rows, strict=True):
+            turn = from_quaternion(np.roll(pose[3:], 1))
+            result[name] = SpatialInertia(float(mass), pose[:3], turn @ tensor @ turn.T)
+        return result
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -273,9 +279,8 @@ class PhysxModel(TreeModel):
         origins, turns = np.empty((len(z), len(rows), 3)), np.empty((len(z), len(rows), 3, 3))
         for k, q in enumerate(z):
             self._steps.reset(q, 0 * q)
-            poses = self._scene.read("LINK_POSE")[rows]
-            origins[k] = poses[:, :3]
-            turns[k] = [from_quaternion(np.roll(one[3:], 1)) for one in poses]
+            for i, pose in enumerate(self._scene.read("LINK_POSE")[rows]):
+                origins[k, i], turns[k, i] = pose[:3], from_quaternion(np.roll(pose[3:], 1))
         return origins, turns
 
 
@@ -375,16 +380,6 @@ class _ArticulationSteps(Stepper):
             result[:3] -= np.cross(result[3:FREE], arm) + np.cross(spin, np.cross(spin, arm))
             result[3:FREE] = turn.T @ result[3:FREE]
         return result
-
-    def inertias(self) -> Iterator[SpatialInertia]:
-        """Yield mass and inertia of each link in its frame."""
-        read = self._scene.read
-        inertias = read("BODY_INERTIA").reshape(-1, 3, 3)
-        for mass, pose, inertia in zip(
-            read("BODY_MASS"), read("BODY_COM_POSE"), inertias, strict=True
-        ):
-            turn = from_quaternion(np.roll(pose[3:], 1))
-            yield SpatialInertia(float(mass), pose[:3], turn @ inertia @ turn.T)
 
 
 def _depth_first(scene: PhysxScene, ends: Sequence[tuple[str, str, str]]) -> tuple[int, ...]:
