@@ -146,6 +146,9 @@ class UsdStage:
             raise LocationError(f"does not compose: {_one_line(errors[0])}", file=path)
         self.unit = float(pxr.UsdGeom.GetStageMetersPerUnit(self.stage))
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
+        if not 0 < min(self.unit, self.mass_unit) <= max(self.unit, self.mass_unit) < math.inf:
+            wrong = f"metersPerUnit is {self.unit:g}, and kilogramsPerUnit {self.mass_unit:g}"
+            raise LocationError(wrong, file=path).with_remedy("write positive numbers")
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
     def _select(self, variants: Mapping[str, str]) -> tuple[str, ...]:
@@ -268,6 +271,12 @@ class UsdStage:
         relationship = prim.GetRelationship(name)
         return list(relationship.GetForwardedTargets()) if relationship else []
 
+    def body_of(self, prim: Any) -> Any:
+        """Return the rigid body that a prim is, or is below of; None without one."""
+        while prim and "PhysicsRigidBodyAPI" not in prim.GetAppliedSchemas():
+            prim = prim.GetParent()
+        return prim or None
+
     def place(self, prim: Any, name: str = "") -> UsdPlace:
         """Return the place of a property's strongest opinion; without a name that of the prim."""
         address = f"{prim.GetPath()}.{name}" if name else str(prim.GetPath())
@@ -386,7 +395,10 @@ class UsdStage:
 
     def overlay(self, values: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
-        layer = self._layer_of(self.changed_values(values))
+        return self.over_file(self._layer_of(self.changed_values(values))).encode()
+
+    def over_file(self, layer: Any) -> str:
+        """Return a layer as text, with the file below it."""
         root, original = layer.pseudoRoot, self.stage.GetRootLayer()
         for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
             if original.pseudoRoot.HasInfo(key):
@@ -395,7 +407,7 @@ class UsdStage:
             layer.defaultPrim = original.defaultPrim
         layer.subLayerPaths.append(os.path.abspath(self.path))
         text: str = layer.ExportToString()
-        return text.encode()
+        return text
 
 
 def plain(value: Any) -> Any:

@@ -7,7 +7,7 @@ newton-usd-schemas.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -184,16 +184,22 @@ class StageTree:
         return None
 
     @cached_property
+    def all_joints(self) -> tuple[UsdJoint, ...]:
+        """All joints, in the order of the stage."""
+        return tuple(self._joints_of(lambda prim: True))
+
+    @cached_property
     def joints(self) -> tuple[UsdJoint, ...]:
         """Joints that act, in the order of the stage."""
-        stage, joint_type = self.stage, self.stage.pxr.UsdPhysics.Joint
-        prims = [one for one in stage.prims if one.IsA(joint_type)]
+        return tuple(self._joints_of(self._acts))
+
+    def _joints_of(self, is_chosen: Callable[[Any], bool]) -> Iterator[UsdJoint]:
+        joint_type = self.stage.pxr.UsdPhysics.Joint
+        prims = [one for one in self.stage.prims if one.IsA(joint_type)]
         names = unique_tails([str(one.GetPath()) for one in prims])
-        joints = list[UsdJoint]()
         for prim, name in zip(prims, names, strict=True):
-            if self._acts(prim):
-                joints += self._joint(prim, name)
-        return tuple(joints)
+            if is_chosen(prim):
+                yield from self._joint(prim, name)
 
     def _acts(self, prim: Any) -> bool:
         """Return whether a joint is switched on, and in the tree."""
