@@ -94,7 +94,7 @@ docs: .venv/.docs
 bench: .venv/.report
 	$(BIN)/python -m benchmarks.bench
 
-# What is attacked, and how: docs/reliability.md. An hour at most on two cores.
+# What is attacked, and how: docs/measured.md. An hour at most on two cores.
 soak: .venv/.test
 	$(BIN)/python -m soak
 

@@ -6,43 +6,22 @@ a model file of each folder.
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
+from benchmarks.bench_gate import changed_text, timed
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records.read import read_results
 
 TIMES = 3
 
 
-def timed(root: Path) -> tuple[float, int, int]:
+def run(root: Path) -> tuple[float, int, int]:
     """Return seconds, number of cases, and how many of them the cache had."""
-    environment = {**os.environ, "PYTHONPATH": str(builtin().parent)}
     folders = [str(path.parent) for path in sorted(root.glob("models/*/system.py"))]
-    began = time.perf_counter()
-    subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "physics_crosscheck",
-            "run",
-            *folders,
-            "--cache",
-            "cache",
-            "--out",
-            "out",
-        ],
-        cwd=root,
-        env=environment,
-        capture_output=True,
-        check=True,
-    )
-    seconds = time.perf_counter() - began
+    seconds, _ = timed(root, "run", *folders, "--cache", "cache", "--out", "out")
     results = read_results(root / "out" / "results.json")
     return seconds, len(results.cases), results.cached
 
@@ -52,14 +31,13 @@ def main() -> None:
         root = Path(name)
         for folder in sys.argv[1:] or [path.name for path in builtin().iterdir()]:
             shutil.copytree(builtin() / folder, root / "models" / folder)
-        cold, cases, _ = timed(root)
+        cold, cases, _ = run(root)
         print(f"empty cache: {cold:.1f} s, {cases} cases")
-        warm, _, cached = min(timed(root) for _ in range(TIMES))
+        warm, _, cached = min(run(root) for _ in range(TIMES))
         print(f"full cache: {warm:.1f} s, {cached} cases reused, ratio {warm / cold:.3f}")
         for path in root.glob("models/*/mujoco.xml"):
-            text = path.read_text()
-            path.write_text(text.replace("<worldbody>", "<!-- changed --><worldbody>"))
-        changed, _, cached = timed(root)
+            changed_text(path)
+        changed, _, cached = run(root)
         ratio = changed / cold
         print(f"a model file changed: {changed:.1f} s, {cached} cases reused, ratio {ratio:.3f}")
 

@@ -7,12 +7,12 @@ browsers draw by software. `script` and `raster` are processor times, of the pag
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from tests.report.chromium import Browser, Tab, running
+from campaigns.report_pictures import headless_browser
+from tests.report.chromium import Browser, Tab
 
 OPENINGS, FRAMES, SECONDS = 5, 30, 3.0
 """Number of openings and of drawn frames, and time for which frames are counted."""
@@ -70,7 +70,7 @@ def seconds(browser: Browser) -> tuple[float, float]:
 def main(page: str, fragment: str = "") -> None:
     address = Path(page).absolute().as_uri() + (f"#{fragment}" if fragment else "")
     rows = []
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
+    with headless_browser() as browser:
         for _ in range(OPENINGS):
             with browser.tab() as tab:
                 began = seconds(browser)

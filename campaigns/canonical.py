@@ -2,7 +2,7 @@
 
 Each engine builds a ball or block on a plane through its own interface, with a friction coefficient
 mu and a restitution e. It runs at its default step and at a tenth of it. Exact answers are closed
-forms. The command prints the table of `docs/canonical-contacts.md`; `--published` prints published
+forms. The command prints the table of `docs/engines/index.md`; `--published` prints published
 tables beside our figures. It needs the extras of the engines that `--engines` selects (all).
 """
 
@@ -12,6 +12,7 @@ import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,18 +66,49 @@ class CanonicalScene:
         return (0.4 if self.ball else 2 / 3) * self.mass * self.half**2
 
 
-def mujoco_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in MuJoCo."""
+def run_mujoco(text: str, name: str, value: float, count: int) -> Track:
+    """Return positions and velocities of an MJCF after each step in MuJoCo, (S, nq + nv).
+
+    The first component of `name`, `qpos` or `qvel`, starts at a value.
+    """
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(mjcf(scene, h))
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    data.qvel[0] = scene.speed
+    getattr(data, name)[0] = value
     rows = []
-    for _ in range(round(scene.duration / h)):
+    for _ in range(count):
         mujoco.mj_step(model, data)
-        rows.append((data.qpos[0], data.qpos[2], data.qvel[0], data.qvel[2]))
+        rows.append(np.concatenate([data.qpos, data.qvel]))
     return np.array(rows)
+
+
+def run_mjx(text: str, name: str, value: float, count: int) -> Track:
+    """Return the same in MJX."""
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    jax.config.update("jax_enable_x64", True)
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(text))
+    data = mjx.make_data(model)
+    data = data.replace(**{name: getattr(data, name).at[0].set(value)})
+
+    def step(data: Any, _: None) -> tuple[Any, Any]:
+        data = mjx.step(model, data)
+        return data, (data.qpos, data.qvel)
+
+    run = jax.jit(lambda data: jax.lax.scan(step, data, None, count)[1])
+    return np.concatenate(run(data), axis=1)
+
+
+MjcfRun = Callable[[str, str, float, int], Track]
+
+
+def mjcf_track(scene: CanonicalScene, h: float, run: MjcfRun = run_mujoco) -> Track:
+    """Run a scene as MJCF."""
+    rows = run(mjcf(scene, h), "qvel", scene.speed, round(scene.duration / h))
+    return rows[:, [0, 2, 7, 9]]
 
 
 def mjcf(scene: CanonicalScene, h: float) -> str:
@@ -92,32 +124,19 @@ def mjcf(scene: CanonicalScene, h: float) -> str:
     </worldbody></mujoco>"""
 
 
-def mjx_track(scene: CanonicalScene, h: float) -> Track:
-    """Run a scene in MJX."""
-    import jax
-    import mujoco
-    from mujoco import mjx
-
-    jax.config.update("jax_enable_x64", True)
-    model = mjx.put_model(mujoco.MjModel.from_xml_string(mjcf(scene, h)))
-    data = mjx.make_data(model)
-    data = data.replace(qvel=data.qvel.at[0].set(scene.speed))
-
-    def step(data: Any, _: None) -> tuple[Any, Any]:
-        data = mjx.step(model, data)
-        return data, (data.qpos[0], data.qpos[2], data.qvel[0], data.qvel[2])
-
-    run = jax.jit(lambda data: jax.lax.scan(step, data, None, round(scene.duration / h))[1])
-    return np.stack(run(data), axis=1)
+def bullet_world(p: Any, gravity: Sequence[float], h: float) -> int:
+    """Return a new client of PyBullet."""
+    client: int = p.connect(p.DIRECT)
+    p.setGravity(*gravity)
+    p.setTimeStep(h)
+    return client
 
 
 def pybullet_track(scene: CanonicalScene, h: float) -> Track:
     """Run a scene in PyBullet; both coefficients are products; settings are the engine's."""
     import pybullet as p
 
-    client = p.connect(p.DIRECT)
-    p.setGravity(*scene.gravity)
-    p.setTimeStep(h)
+    client = bullet_world(p, scene.gravity, h)
     p.setPhysicsEngineParameter(**scene.settings)
     floor = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
     shape = (
@@ -204,59 +223,78 @@ def drake_track(scene: CanonicalScene, h: float) -> Track:
     return np.array(rows)
 
 
+def dart_world(gravity: Sequence[float], h: float) -> Any:
+    """Return a new world of DART."""
+    import dartpy as dart
+
+    world = dart.simulation.World()
+    world.setGravity(np.array(gravity))
+    world.setTimeStep(h)
+    return world
+
+
+def dart_body(
+    world: Any, shape: Any, place: Sequence[float], mass: float, mu: float, e: float = 0.0
+) -> Any:
+    """Return a new body with a shape; without mass it is fixed."""
+    import dartpy as dart
+
+    skeleton = dart.dynamics.Skeleton(f"body {world.getNumSkeletons()}")
+    pair = (
+        skeleton.createFreeJointAndBodyNodePair if mass else skeleton.createWeldJointAndBodyNodePair
+    )
+    joint, body = pair()
+    node = body.createShapeNode(shape)
+    node.createCollisionAspect()
+    aspect = node.createDynamicsAspect()
+    aspect.setFrictionCoeff(mu)
+    aspect.setRestitutionCoeff(e)
+    if mass:
+        body.setInertia(dart.dynamics.Inertia(mass, np.zeros(3), shape.computeInertia(mass)))
+    frame = dart.math.Isometry3()
+    frame.set_translation(place)
+    joint.setTransformFromParentBodyNode(frame)
+    world.addSkeleton(skeleton)
+    return body
+
+
 def dart_track(scene: CanonicalScene, h: float) -> Track:
     """Run a scene in DART; friction is the smaller one, restitution the product."""
     import dartpy as dart
 
-    world = dart.simulation.World()
-    world.setGravity(np.array(scene.gravity))
-    world.setTimeStep(h)
-
-    def add(name: str, shape: Any, height: float, e: float, *, fixed: bool) -> Any:
-        skeleton = dart.dynamics.Skeleton(name)
-        if fixed:
-            joint, body = skeleton.createWeldJointAndBodyNodePair()
-        else:
-            joint, body = skeleton.createFreeJointAndBodyNodePair()
-        node = body.createShapeNode(shape)
-        node.createCollisionAspect()
-        aspect = node.createDynamicsAspect()
-        aspect.setFrictionCoeff(scene.mu)
-        aspect.setRestitutionCoeff(e)
-        inertia = dart.dynamics.Inertia()
-        inertia.setMass(scene.mass)
-        inertia.setMoment(scene.inertia * np.eye(3))
-        body.setInertia(inertia)
-        place = dart.math.Isometry3()
-        place.set_translation([0, 0, height])
-        joint.setTransformFromParentBodyNode(place)
-        world.addSkeleton(skeleton)
-        return skeleton
-
-    add("floor", dart.dynamics.BoxShape([40, 40, 1]), -0.5, 1.0, fixed=True)
+    world = dart_world(scene.gravity, h)
+    dart_body(world, dart.dynamics.BoxShape([40, 40, 1]), (0, 0, -0.5), 0, scene.mu, 1.0)
     sphere, box = dart.dynamics.SphereShape, dart.dynamics.BoxShape
     shape = sphere(scene.half) if scene.ball else box([2 * scene.half] * 3)
-    body = add("body", shape, scene.half + scene.gap, scene.e, fixed=False)
-    body.setVelocities([0, 0, 0, scene.speed, 0, 0])
+    place = 0, 0, scene.half + scene.gap
+    node = dart_body(world, shape, place, scene.mass, scene.mu, scene.e)
+    node.getSkeleton().setVelocities([0, 0, 0, scene.speed, 0, 0])
     rows = []
     for _ in range(round(scene.duration / h)):
         world.step()
-        node = body.getBodyNode(0)
         x, _y, z = node.getWorldTransform().translation()
         vx, _vy, vz = node.getLinearVelocity()
         rows.append((x, z, vx, vz))
     return np.array(rows)
 
 
+def sapien_world(gravity: Sequence[float], h: float) -> Any:
+    """Return a new scene of SAPIEN."""
+    import sapien
+
+    config = sapien.physx.PhysxSceneConfig()
+    config.gravity = np.array(gravity)
+    sapien.physx.set_scene_config(config)
+    world = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    world.set_timestep(h)
+    return world
+
+
 def sapien_track(scene: CanonicalScene, h: float) -> Track:
     """Run a scene in SAPIEN; both coefficients are means."""
     import sapien
 
-    config = sapien.physx.PhysxSceneConfig()
-    config.gravity = np.array(scene.gravity)
-    sapien.physx.set_scene_config(config)
-    world = sapien.Scene([sapien.physx.PhysxCpuSystem()])
-    world.set_timestep(h)
+    world = sapien_world(scene.gravity, h)
     material = sapien.physx.PhysxMaterial(scene.mu, scene.mu, scene.e)
     world.add_ground(0, render=False, material=material)
     builder = world.create_actor_builder()
@@ -340,54 +378,20 @@ def _rows(step: Callable[[], tuple[float, float]], h: float) -> Track:
     return np.array([step() for _ in range(round(LIMIT_SECONDS / h))], dtype=float)
 
 
-def _pendulum_mjcf(h: float) -> str:
-    return f"""<mujoco><option timestep="{h}" jacobian="dense"/><compiler angle="radian"/>
+def mjcf_pendulum(h: float, run: MjcfRun = run_mujoco) -> Track:
+    """Swing to the limit as MJCF."""
+    text = f"""<mujoco><option timestep="{h}" jacobian="dense"/><compiler angle="radian"/>
     <worldbody><body><joint axis="0 -1 0" limited="true" range="-3 {LIMIT}"/>
     <inertial pos="0 0 {-LENGTH}" mass="{MASS}" diaginertia="{POINT} {POINT} {POINT}"/>
     </body></worldbody></mujoco>"""
-
-
-def mujoco_pendulum(h: float) -> Track:
-    """Swing to the limit in MuJoCo."""
-    import mujoco
-
-    model = mujoco.MjModel.from_xml_string(_pendulum_mjcf(h))
-    data = mujoco.MjData(model)
-    data.qpos[0] = RELEASE
-
-    def step() -> tuple[float, float]:
-        mujoco.mj_step(model, data)
-        return data.qpos[0], data.qvel[0]
-
-    return _rows(step, h)
-
-
-def mjx_pendulum(h: float) -> Track:
-    """Swing to the limit in MJX."""
-    import jax
-    import mujoco
-    from mujoco import mjx
-
-    jax.config.update("jax_enable_x64", True)
-    model = mjx.put_model(mujoco.MjModel.from_xml_string(_pendulum_mjcf(h)))
-    data = mjx.make_data(model)
-    data = data.replace(qpos=data.qpos.at[0].set(RELEASE))
-
-    def step(data: Any, _: None) -> tuple[Any, Any]:
-        data = mjx.step(model, data)
-        return data, (data.qpos[0], data.qvel[0])
-
-    run = jax.jit(lambda data: jax.lax.scan(step, data, None, round(LIMIT_SECONDS / h))[1])
-    return np.stack(run(data), axis=1)
+    return run(text, "qpos", RELEASE, round(LIMIT_SECONDS / h))
 
 
 def pybullet_pendulum(h: float) -> Track:
     """Swing to the limit in PyBullet."""
     import pybullet as p
 
-    client = p.connect(p.DIRECT)
-    p.setGravity(0, 0, -G)
-    p.setTimeStep(h)
+    client = bullet_world(p, (0, 0, -G), h)
     body = p.createMultiBody(
         0,
         linkMasses=[MASS],
@@ -467,9 +471,7 @@ def dart_pendulum(h: float) -> Track:
     """Swing to the limit in DART."""
     import dartpy as dart
 
-    world = dart.simulation.World()
-    world.setGravity([0, 0, -G])
-    world.setTimeStep(h)
+    world = dart_world((0, 0, -G), h)
     skeleton = dart.dynamics.Skeleton("pendulum")
     joint, body = skeleton.createRevoluteJointAndBodyNodePair()
     joint.setAxis([0, -1, 0])
@@ -491,11 +493,7 @@ def sapien_pendulum(h: float) -> Track:
     """Swing to the limit in SAPIEN; its revolute joints turn about x."""
     import sapien
 
-    config = sapien.physx.PhysxSceneConfig()
-    config.gravity = np.array([0, 0, -G])
-    sapien.physx.set_scene_config(config)
-    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
-    scene.set_timestep(h)
+    scene = sapien_world((0, 0, -G), h)
     builder = scene.create_articulation_builder()
     root = builder.create_link_builder()
     root.set_mass_and_inertia(1.0, sapien.Pose(), [1.0, 1.0, 1.0])
@@ -545,8 +543,8 @@ def newton_pendulum(h: float) -> Track:
 
 
 ENGINES: Mapping[str, tuple[Callable[[CanonicalScene, float], Track], float]] = {
-    "mujoco": (mujoco_track, 1 / 500),
-    "mjx": (mjx_track, 1 / 500),
+    "mujoco": (mjcf_track, 1 / 500),
+    "mjx": (partial(mjcf_track, run=run_mjx), 1 / 500),
     "newton": (newton_track, 1 / 600),
     "drake": (drake_track, 1 / 1000),
     "dart": (dart_track, 1 / 1000),
@@ -591,29 +589,25 @@ def stop_error(track: Track, h: float, scene: CanonicalScene) -> float:
 
 Measure = Callable[[Track, float, CanonicalScene], float]
 
+_DROPPED = CanonicalScene(ball=True, gap=DROP, e=RESTITUTION, duration=1.0)
+_PUSHED = CanonicalScene(speed=SPEED, mu=MU)
+
+
+def _creep_text(value: float) -> str:
+    return f"{1e3 * value:.2g} mm/s" if abs(value) >= 1e-9 else "0"
+
+
 PROBLEMS: Mapping[str, tuple[CanonicalScene, Measure, Callable[[float], str]]] = {
-    "rebound, e = 0.8": (
-        CanonicalScene(ball=True, gap=DROP, e=RESTITUTION, duration=1.0),
-        rebound,
-        lambda value: f"{value:.3f}",
-    ),
+    "rebound, e = 0.8": (_DROPPED, rebound, "{:.3f}".format),
     "depth at rest": (CanonicalScene(), depth, lambda value: f"{1e6 * value:.3g} µm"),
-    "creep on 20°": (
-        CanonicalScene(slope=SLOPE),
-        creep,
-        lambda value: f"{1e3 * value:.2g} mm/s" if abs(value) >= 1e-9 else "0",
-    ),
-    "stop distance": (
-        CanonicalScene(speed=SPEED, mu=MU),
-        stop_error,
-        lambda value: f"{100 * value:+.2g} %",
-    ),
+    "creep on 20°": (CanonicalScene(slope=SLOPE), creep, _creep_text),
+    "stop distance": (_PUSHED, stop_error, lambda value: f"{100 * value:+.2g} %"),
 }
 """Scene, measure and number format by column header."""
 
 PENDULUMS: Mapping[str, Callable[[float], Track]] = {
-    "mujoco": mujoco_pendulum,
-    "mjx": mjx_pendulum,
+    "mujoco": mjcf_pendulum,
+    "mjx": partial(mjcf_pendulum, run=run_mjx),
     "newton": newton_pendulum,
     "drake": drake_pendulum,
     "dart": dart_pendulum,
@@ -629,17 +623,13 @@ EXACT = ("0.800", "0", "0", "0.680 m", "0")
 def cells(engine: str) -> list[str]:
     """Return the cells of an engine's row: each quantity at its step and at a tenth of it."""
     run, step = ENGINES[engine]
-    row = []
-    for scene, measure, text in PROBLEMS.values():
-        row.append(_both([text(measure(run(scene, h), h, scene)) for h in (step, step / 10)]))
-    if swing := PENDULUMS.get(engine):
-        row.append(_both([f"{limit_rebound(swing(h)):.3f}" for h in (step, step / 10)]))
-    return row if swing else [*row, "-"]
-
-
-def _both(texts: Sequence[str]) -> str:
-    """Join the texts of a quantity at both steps; write equal texts once."""
-    return " → ".join(dict.fromkeys(texts))
+    steps = step, step / 10
+    rows = [
+        [text(measure(run(scene, h), h, scene)) for h in steps]
+        for scene, measure, text in PROBLEMS.values()
+    ]
+    rows.append([f"{limit_rebound(PENDULUMS[engine](h)):.3f}" for h in steps])
+    return [" → ".join(dict.fromkeys(row)) for row in rows]
 
 
 def main(names: list[str]) -> None:

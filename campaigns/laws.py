@@ -336,11 +336,6 @@ GROUPS = {
 """Patterns of paths by group; a number belongs to the first group that matches."""
 
 
-def kind_of(path: str) -> str:
-    """Return the element and attribute of a number, such as `joint@range`."""
-    return path.rpartition("/")[2]
-
-
 def count_tested(paths: Iterable[Path], engine: str, *, floating: bool) -> None:
     """Print the tested share of the numbers that dynamics may depend on, by kind.
 
@@ -362,8 +357,9 @@ def count_tested(paths: Iterable[Path], engine: str, *, floating: bool) -> None:
             is_tested = number.effect in (*SMOOTH, NumberEffect.SHAPES)
             kind = "tested" if is_tested else "only read" if number.read else number.effect.value
             words = {kind: 1, SMOOTH_KEY: int(number.smooth)}
-            group = next(name for name, k in GROUPS.items() if re.fullmatch(k, number.path))
-            for count in (file, totals.setdefault(kind_of(number.path), Counter()), groups[group]):
+            group = next(key for key, k in GROUPS.items() if re.fullmatch(k, number.path))
+            name = number.path.rpartition("/")[2]  # element and attribute, such as joint@range
+            for count in (file, totals.setdefault(name, Counter()), groups[group]):
                 count.update(words)
         seconds = time.process_time() - began
         print(f"{path.parent.name}/{path.name}: {dict(file)}, {seconds:.0f} s", flush=True)

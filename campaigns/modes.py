@@ -24,6 +24,7 @@ import numpy as np
 from campaigns.mechanisms.drawn import draw
 from campaigns.mechanisms.mechanism import literals, with_fault
 from campaigns.mechanisms.written import sidecar
+from campaigns.planted.fates import wrong_value
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import ModelTask, TreeTask, model_task
@@ -36,10 +37,9 @@ from physics_crosscheck.harness.modelfiles.model_files import (
     chosen_engines,
     model_files,
 )
-from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile, copy_with_texts
+from physics_crosscheck.harness.modelfiles.numbers import ModelFile, copy_with_texts
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar
-from physics_crosscheck.harness.records.case import Case
 
 SIZES = (1e-6, 1e-8, 1e-9)
 ROBOT_SIZES = (1e-6, 1e-8, 1e-2)
@@ -81,38 +81,30 @@ class ModeComparison:
 
 def compare_modes(name: str, size: float, task: ModelTask[Any]) -> ModeComparison:
     """Judge a model in both modes."""
-    usual, thorough = [_case(replace(task, thorough=thorough)) for thorough in (False, True)]
-    verdict = usual.verdict if isinstance(usual, Case) else None
+    outcome, by_steps, seconds, decided_by = _judged(replace(task, thorough=False))
+    thorough, discrepancy, more_seconds, _ = _judged(replace(task, thorough=True))
     return ModeComparison(
         name=name,
         size=size,
-        outcome=_outcome(usual),
-        thorough=_outcome(thorough),
-        decided_by="" if verdict is None else verdict.decided_by,
-        discrepancy=_size(thorough),
-        by_steps=_size(usual),
-        seconds=(_seconds(usual), _seconds(thorough)),
+        outcome=outcome,
+        thorough=thorough,
+        decided_by=decided_by,
+        discrepancy=discrepancy,
+        by_steps=by_steps,
+        seconds=(seconds, more_seconds),
     )
 
 
-def _case(task: ModelTask[Any]) -> Case | str:
+def _judged(task: ModelTask[Any]) -> tuple[str, float, float, str]:
+    """Return the outcome, the largest E, processor time, and the deciding check."""
     try:
-        return run_case(task)
+        case = run_case(task)
     except (RuntimeError, ValueError) as error:
-        return type(error).__name__
-
-
-def _outcome(case: Case | str) -> str:
-    return case if isinstance(case, str) else str(case.outcome)
-
-
-def _seconds(case: Case | str) -> float:
-    return 0.0 if isinstance(case, str) else case.seconds
-
-
-def _size(case: Case | str) -> float:
-    verdict = case.verdict if isinstance(case, Case) else None
-    return float("nan") if verdict is None else verdict.largest_discrepancy or 0.0
+        return type(error).__name__, float("nan"), 0.0, ""
+    outcome, verdict = str(case.outcome), case.verdict
+    if verdict is None:
+        return outcome, float("nan"), case.seconds, ""
+    return outcome, verdict.largest_discrepancy or 0.0, case.seconds, verdict.decided_by
 
 
 def mechanism(seed: int, faults: int, index: int) -> list[ModeComparison]:
@@ -147,16 +139,12 @@ def robot(file: Path, engine: str, floating: bool, place: int | None) -> list[Mo
     index, results = numbers.relevant_numbers[place], []
     number = numbers.numerals[index]
     for size in ROBOT_SIZES:
-        scale = abs(number.value) if abs(number.value) > SMALL else number.scale
-        texts = numbers.texts({index: number.value + size * scale})
-        results.append(_judge_copy(task, texts, number.address, size))
+        texts = numbers.texts({index: wrong_value(number, size)})
+        with scratch() as folder:
+            wrong = task.with_file(copy_with_texts(task.file, texts, folder))
+            title = f"{file.name} [{engine}] {number.address}"
+            results.append(compare_modes(title, size, wrong))
     return results
-
-
-def _judge_copy(task: TreeTask, texts: Any, address: str, size: float) -> ModeComparison:
-    with scratch() as folder:
-        wrong = task.with_file(copy_with_texts(task.file, texts, folder))
-        return compare_modes(f"{task.file.name} [{task.engine}] {address}", size, wrong)
 
 
 @lru_cache(maxsize=1)
@@ -197,17 +185,12 @@ def _jobs(chosen: argparse.Namespace) -> Iterator[Any]:
                 count = len(_robot(*which)[1].relevant_numbers)
                 places = np.linspace(0, count - 1, min(chosen.sample, count)).astype(int)
                 for place in (None, *places.tolist()):
-                    yield partial(_call, robot, *which), place
+                    yield partial(robot, *which), place
             continue
         for given in model_files(target):
             if not isinstance(given, UnreadModel):
                 for name in chosen_engines(given, ()):
-                    yield partial(_call, model, target, given, name), chosen.sample
-
-
-def _call(function: Any, *arguments: Any) -> list[ModeComparison]:
-    results: list[ModeComparison] = function(*arguments)
-    return results
+                    yield partial(model, target, given, name), chosen.sample
 
 
 def _run(chosen: argparse.Namespace) -> Iterator[ModeComparison]:
@@ -245,12 +228,8 @@ def main(given: Iterable[str] | None = None) -> int:
     parser.add_argument("--mechanisms", type=int, default=0, help="random mechanisms [0]")
     parser.add_argument("--faults", type=int, default=3, help="faults per mechanism [3]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument(
-        "--sample",
-        type=int,
-        default=10**9,
-        help="largest count of numbers per file or faults per model",
-    )
+    sample = "largest count of numbers per file or faults per model"
+    parser.add_argument("--sample", type=int, default=10**9, help=sample)
     parser.add_argument("--floating", action="store_true", help="free the root link of URDFs")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)

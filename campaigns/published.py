@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from campaigns.canonical import ENGINES, CanonicalScene, Track, rebound, stop_error
+from campaigns.canonical import (
+    ENGINES,
+    CanonicalScene,
+    Track,
+    bullet_world,
+    dart_body,
+    dart_world,
+    rebound,
+    stop_error,
+)
 
 Velocities = NDArray[np.float64]
 """Velocities of the box and of the first ball before each step, m/s, (S, 6)."""
@@ -63,9 +72,7 @@ def rolling_pybullet(push: str) -> Velocities:
     """Run the rolling test in PyBullet; the friction of a pair is the product."""
     import pybullet as p
 
-    client = p.connect(p.DIRECT)
-    p.setGravity(0, 0, -9.81)
-    p.setTimeStep(STEP)
+    client = bullet_world(p, (0, 0, -9.81), STEP)
     p.setPhysicsEngineParameter(erp=0, contactERP=0, frictionERP=0)
     p.setPhysicsEngineParameter(numSolverIterations=1000, solverResidualThreshold=1e-30)
 
@@ -93,27 +100,11 @@ def rolling_dart(push: str) -> Velocities:
     """Run the rolling test in DART; the pair has the smaller friction."""
     import dartpy as dart
 
-    world = dart.simulation.World()
-    world.setGravity([0, 0, -9.81])
-    world.setTimeStep(STEP)
-
-    def add(mass: float, shape: Any, place: Sequence[float], mu: float = 0.8) -> Any:
-        skeleton = dart.dynamics.Skeleton(f"body {world.getNumSkeletons()}")
-        joint, body = skeleton.createFreeJointAndBodyNodePair()
-        skeleton.setMobile(mass > 0)
-        node = body.createShapeNode(shape)
-        node.createCollisionAspect()
-        node.createDynamicsAspect().setFrictionCoeff(mu)
-        if mass:
-            moments = shape.computeInertia(mass)
-            body.setInertia(dart.dynamics.Inertia(mass, np.zeros(3), moments))
-        joint.setPositions([0, 0, 0, *place])
-        world.addSkeleton(skeleton)
-        return body
-
-    add(0, dart.dynamics.BoxShape([100, 100, 1]), (0, 0, -0.5), 0.4)
-    box = add(10, dart.dynamics.BoxShape([20, 20, 1]), (0, 0, 0.5 - 2e-5))
-    balls = [add(1, dart.dynamics.SphereShape(0.5), (x, y, 1.5 - 6e-5)) for x, y in BALLS]
+    world = dart_world((0, 0, -9.81), STEP)
+    dart_body(world, dart.dynamics.BoxShape([100, 100, 1]), (0, 0, -0.5), 0, 0.4)
+    box = dart_body(world, dart.dynamics.BoxShape([20, 20, 1]), (0, 0, 0.5 - 2e-5), 10, 0.8)
+    ball = dart.dynamics.SphereShape(0.5)
+    balls = [dart_body(world, ball, (x, y, 1.5 - 6e-5), 1, 0.8) for x, y in BALLS]
     rows = []
     for _ in range(STEPS):
         rows.append(np.concatenate([body.getLinearVelocity() for body in (box, balls[0])]))

@@ -18,11 +18,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
-from tests.report.chromium import CHROMIUM, running
+from tests.report.chromium import CHROMIUM, Browser, Tab, running
 
 VIEWS = {
     "overview.png": ("", 1280, 800),
@@ -49,14 +51,23 @@ CANVAS = """(() => {
 
 THUMBNAIL = (192, 144)
 
+HEADLESS = (
+    "chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--virtual-time-budget=8000",
+    "--force-prefers-reduced-motion", "--enable-unsafe-swiftshader",
+)  # fmt: skip
+
+
+@contextmanager
+def headless_browser() -> Iterator[Browser]:
+    """Yield a browser with a new profile, which it may still write while it ends."""
+    profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+    with profile as folder, running(Path(folder)) as browser:
+        yield browser
+
 
 def frames(report: Path) -> Iterator[Image.Image]:
     """Yield pictures of the first screen, from the worst state to its end."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        running(Path(folder)) as browser,
-        browser.tab() as tab,
-    ):
+    with headless_browser() as browser, browser.tab() as tab:
         tab.window(*SIZE)
         still = {"name": "prefers-reduced-motion", "value": "reduce"}
         tab.send("Emulation.setEmulatedMedia", features=[still])
@@ -68,15 +79,19 @@ def frames(report: Path) -> Iterator[Image.Image]:
             share = (1 - math.cos(math.pi * i / (FRAMES - 1))) / 2
             tab.run(f"{VIEWER}.set({{ time: {share} * {VIEWER}.horizon }})")
             tab.run("new Promise((done) => setTimeout(done, 300))")
-            shot = tab.send("Page.captureScreenshot", format="png")["data"]
-            yield Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
+            yield _picture(tab)
+
+
+def _picture(tab: Tab, **options: Any) -> Image.Image:
+    shot = tab.send("Page.captureScreenshot", format="png", **options)["data"]
+    return Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
 
 
 def write_pictures(reports: Mapping[Path, Path]) -> None:
     """Write a small picture of the robot of each report, as drawn, if a browser is installed."""
     if not reports or CHROMIUM is None:
         return
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder)) as browser:
+    with headless_browser() as browser:
         for report, path in reports.items():
             with browser.tab() as tab:
                 tab.window(640, 900)
@@ -85,9 +100,7 @@ def write_pictures(reports: Mapping[Path, Path]) -> None:
                 if not tab.run(HAS_SCENE):
                     continue
                 tab.until("document.querySelector('.view.current .scene [data-frames]')")
-                box = tab.run(CANVAS)
-                shot = tab.send("Page.captureScreenshot", format="png", clip=box)["data"]
-                picture = Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
+                picture = _picture(tab, clip=tab.run(CANVAS))
                 picture.thumbnail(THUMBNAIL)
                 picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
 
@@ -112,22 +125,9 @@ def main(report: Path, out: Path, names: Sequence[str]) -> None:
             continue
         view, width, height = VIEWS[name]
         path = out.resolve() / name
-        subprocess.run(
-            [
-                "chromium",
-                "--headless",
-                "--no-sandbox",
-                "--hide-scrollbars",
-                "--force-prefers-reduced-motion",
-                "--enable-unsafe-swiftshader",
-                "--virtual-time-budget=8000",
-                f"--window-size={width},{height}",
-                f"--screenshot={path}",
-                f"{(report / 'index.html').resolve().as_uri()}#{view}",
-            ],
-            check=True,
-            capture_output=True,
-        )
+        page = f"{(report / 'index.html').resolve().as_uri()}#{view}"
+        options = [f"--window-size={width},{height}", f"--screenshot={path}", page]
+        subprocess.run([*HEADLESS, *options], check=True, capture_output=True)
         with Image.open(path) as picture:
             colours = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         colours.save(path, optimize=True)

@@ -108,15 +108,6 @@ def robot_files(names: Collection[str] = (), listing: Path = ROBOTS) -> Iterator
             owner, repository, path = file.split("/", 2)
             if (origin := table["repositories"].get(f"{owner}/{repository}")) is None:
                 raise ValueError(f"{listing}: {robot}: {owner}/{repository} has no commit")
-            files.append(
-                RobotFile(
-                    robot=robot,
-                    kind=row["kind"],
-                    owner=owner,
-                    repository=repository,
-                    commit=origin["commit"],
-                    licence=origin["licence"],
-                    path=path,
-                )
-            )
+            place = {"owner": owner, "repository": repository, "path": path}
+            files.append(RobotFile(robot=robot, kind=row["kind"], **place, **origin))
         yield files

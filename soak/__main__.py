@@ -8,10 +8,11 @@ The command prints the result and the duration of each part.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import time
+
+from soak import argument_parser
 
 PARTS = {
     "corpus": ("soak.corpus", "--jobs", "2"),
@@ -23,18 +24,8 @@ PARTS = {
 
 def main() -> int:
     """Run the parts in order, and print the result and the duration of each."""
-    parser = argparse.ArgumentParser(
-        prog="python -m soak",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--only",
-        action="append",
-        choices=sorted(PARTS),
-        metavar="PART",
-        help=f"run only this part ({', '.join(PARTS)})",
-    )
+    parser = argument_parser("soak", __doc__)
+    parser.add_argument("--only", action="append", choices=sorted(PARTS), help="run only this part")
     parts = parser.parse_args().only or list(PARTS)
     lines, bad = [], 0
     for part in parts:

@@ -8,22 +8,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from time import process_time
 from types import MappingProxyType
 
 import numpy as np
+import sympy as sp
 
 from campaigns.mechanisms.dynamics import MechanismDynamics
-from campaigns.mechanisms.joints import identity, inputs
-from campaigns.mechanisms.mechanism import RandomMechanism
+from campaigns.mechanisms.mechanism import AppliedForce, RandomMechanism
 from campaigns.mechanisms.truth import SegmentEnds, TruthError, ends
 from campaigns.mechanisms.written import joint_name, sidecar
 from physics_crosscheck.harness.checks.verdict import CaseJudgement, component_scale, judge
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
 from physics_crosscheck.harness.numerics.ladder import movement
 from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
+from physics_crosscheck.reference.mechanism.declaration import t
+from physics_crosscheck.reference.mechanism.numeric import compile_function
+from physics_crosscheck.reference.mechanism.signal import Inputs, SignalPiece, numeric_inputs
 from physics_crosscheck.reference.solving.segments import Segments
 
 SEGMENTS_PER_PERIOD = 20
@@ -61,14 +63,12 @@ class MechanismJudgement:
         extrapolated: every limit with its uncertainty.
         uncertainty: of every limit, with the bound of the reference ends, (K, 2n).
         ratios: errors of the limits over their uncertainty, (K, 2n).
-        seconds: processor time.
     """
 
     verdict: CaseJudgement
     extrapolated: Extrapolated
     uncertainty: Array
     ratios: Array
-    seconds: float
 
 
 def prepare_case(mechanism: RandomMechanism, segments: int) -> MechanismCase:
@@ -82,8 +82,8 @@ def prepare_case(mechanism: RandomMechanism, segments: int) -> MechanismCase:
     """
     fastest, starts = _starts(mechanism, segments)
     length = _length(fastest)
-    t = length * np.arange(segments, dtype=np.float64)
-    truth = ends(MechanismDynamics(mechanism), t, starts, length)
+    times = length * np.arange(segments, dtype=np.float64)
+    truth = ends(MechanismDynamics(mechanism), times, starts, length)
     end = truth.states.astype(float)
     # Rounding the ends to doubles adds to their error.
     bound = truth.error.astype(float) + EPSILON / 2 * np.max(np.abs(end), axis=0)
@@ -93,7 +93,7 @@ def prepare_case(mechanism: RandomMechanism, segments: int) -> MechanismCase:
         inputs=inputs(mechanism.drives, length * segments),
         end=end,
         bound=bound,
-        t=t,
+        t=times,
         varying=any(drive.varies for drive in mechanism.drives),
         fastest=fastest,
     )
@@ -116,7 +116,6 @@ def judge_motion(
     Raises:
         EngineError, BlownUpError: if the engine can't run it.
     """
-    began = process_time()
     motion = case.motion
     with loaded(mechanism, settings) as (model, coordinates):
         extrapolated = extrapolate(model, coordinates, motion, resolution=resolution)
@@ -132,7 +131,6 @@ def judge_motion(
         extrapolated=extrapolated,
         uncertainty=uncertainty,
         ratios=np.where(finite, error / np.where(finite, uncertainty, 1.0), 0.0),
-        seconds=process_time() - began,
     )
 
 
@@ -144,8 +142,30 @@ def loaded(
     with tempfile.TemporaryDirectory() as folder:
         model_file = sidecar(mechanism, Path(folder), settings)
         model = _engines()[mechanism.engine].load(model_file.spec(mechanism.engine))
+        assert model.coordinates == tuple(joint_name(i) for i in range(len(mechanism.links)))
         driven = tuple(drive.joint for drive in mechanism.drives)
-        yield model, identity(mechanism.kinds, driven, model.coordinates)
+        yield model, joint_map(len(mechanism.links), driven)
+
+
+def inputs(drives: tuple[AppliedForce, ...], duration: float) -> Inputs:
+    """Return the forces of the drives over the whole motion, `duration` seconds."""
+    expressions = tuple(
+        sp.Float(d.offset, 17) + sp.Float(d.amplitude, 17) * sp.sin(d.rate * t + d.phase)
+        if d.varies
+        else sp.Float(d.offset, 17)
+        for d in drives
+    )
+    return numeric_inputs([SignalPiece(start=0.0, stop=duration, expressions=expressions)])
+
+
+@cache
+def joint_map(joints: int, driven: tuple[int, ...]) -> CoordinateMap:
+    """Return the map of a mechanism whose coordinates are its joints, some of them driven."""
+    z, u = (sp.symbols(f"{name}:{n}", real=True) for name, n in (("z", joints), ("u", len(driven))))
+    matrix = np.eye(joints)[:, list(driven)]
+    forces = [u[driven.index(i)] if i in driven else sp.Integer(0) for i in range(joints)]
+    push = compile_function(forces, list(z), list(u))
+    return replace(identity(joints), push=push, push_matrix=matrix)
 
 
 def corrective_settings(mechanism: RandomMechanism) -> Settings:

@@ -9,16 +9,14 @@ than 99 % of the visible faults are caught and named.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from campaigns.planted.compared import judge_by_compare
 from campaigns.planted.fates import FaultBaseline, FaultFate, RobotFault, judge_by_equations, table
-from campaigns.planted.record import FaultRecord
 from physics_crosscheck.harness.engines.registry import engines_reading
 
 SHARES = (1e-6, 1e-2)
@@ -26,46 +24,30 @@ SHARES = (1e-6, 1e-2)
 MIN_NAMED_SHARE = 0.99
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotRun:
-    """A robot file and the options of its run.
+class FaultRecord:
+    """A file of judged faults, a line of JSON each, from which an interrupted campaign resumes.
 
-    Attributes:
-        file: of the robot.
-        engine: that runs the changed copies.
-        floating: whether the root link of a URDF moves freely.
-        edited: as in `FaultBaseline.from_file`.
-        compare: whether `crosscheck compare` compares the original with each copy; otherwise the
-            copy is compared with the equations of the original.
-        switched: settings of the engine that are on.
+    Args:
+        path: of the file; None stores nothing.
+        run: title of the run; faults of other runs in the same file are ignored.
     """
 
-    file: Path
-    engine: str
-    floating: bool
-    edited: bool
-    compare: bool
-    switched: tuple[str, ...]
+    def __init__(self, path: Path | None, run: str) -> None:
+        self._path, self._run = path, run
+        lines = path.read_text("utf-8").splitlines() if path and path.exists() else []
+        rows = [json.loads(line) for line in lines]
+        faults = [
+            RobotFault(**{**row["fault"], "fate": FaultFate(row["fault"]["fate"])})
+            for row in rows
+            if row["run"] == run
+        ]
+        self.faults = {(one.file, one.line, one.address, one.share): one for one in faults}
 
-    @property
-    def title(self) -> str:
-        """Folder, file, engine and options, as a line."""
-        options = [name for name in ("floating", "edited", "compare") if getattr(self, name)]
-        return " ".join(
-            [self.file.parent.name, self.file.name, self.engine, *options, *self.switched]
-        )
-
-
-@cache
-def _baseline(robot: RobotRun) -> FaultBaseline:
-    return FaultBaseline.from_file(
-        robot.file,
-        robot.engine,
-        floating=robot.floating,
-        edited=robot.edited,
-        use_equations=not robot.compare,
-        settings=dict.fromkeys(robot.switched, True),
-    )
+    def add(self, fault: RobotFault) -> None:
+        """Write a judged fault to the file."""
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps({"run": self._run, "fault": vars(fault)}) + "\n")
 
 
 def spread_indices(count: int) -> list[int]:
@@ -74,15 +56,17 @@ def spread_indices(count: int) -> list[int]:
     return sorted(range(count), key=lambda i: f"{i:0{bits}b}"[::-1])
 
 
-def judged_faults(robot: RobotRun, seconds: float, record: FaultRecord) -> Iterator[RobotFault]:
+def judged_faults(
+    baseline: FaultBaseline, compare: bool, seconds: float, record: FaultRecord
+) -> Iterator[RobotFault]:
     """Yield judged faults of a file's numbers, spread evenly, until processor time is used up."""
-    baseline, judge = _baseline(robot), judge_by_compare if robot.compare else judge_by_equations
-    began = time.process_time()
+    judge, began = judge_by_compare if compare else judge_by_equations, time.process_time()
     for place in spread_indices(len(baseline.numbers.relevant_numbers)):
         index = baseline.numbers.relevant_numbers[place]
         number = baseline.numbers.numerals[index]
         for share in SHARES:
-            fault = record.lookup(number.file.name, number.line or 0, number.address, share)
+            key = number.file.name, number.line or 0, number.address, share
+            fault = record.faults.get(key)
             if fault is None:
                 fault = judge(baseline, index, share)
                 record.add(fault)
@@ -117,22 +101,23 @@ def main(given: Sequence[str] | None = None) -> int:
     everything: list[RobotFault] = []
     for file in options.files:
         engine = options.engine or engines_reading(file.suffix)[0].name
-        robot = RobotRun(
-            file=file,
-            engine=engine,
+        words = [name for name in ("floating", "edited", "compare") if getattr(options, name)]
+        title = " ".join([file.parent.name, file.name, engine, *words, *options.set])
+        baseline = FaultBaseline.from_file(
+            file,
+            engine,
             floating=options.floating,
             edited=options.edited,
-            compare=options.compare,
-            switched=tuple(options.set),
+            use_equations=not options.compare,
+            settings=dict.fromkeys(options.set, True),
         )
-        faults = []
-        record = FaultRecord(options.record, robot.title)
-        for fault in judged_faults(robot, options.seconds, record):
+        faults, record = [], FaultRecord(options.record, title)
+        for fault in judged_faults(baseline, options.compare, options.seconds, record):
             faults.append(fault)
             if fault.fate.is_visible and fault.fate not in (FaultFate.NAMED, FaultFate.TIED):
                 print(fault, flush=True)
         everything += faults
-        count = len(_baseline(robot).numbers.relevant_numbers)
+        count = len(baseline.numbers.relevant_numbers)
         numbers = f"{len(faults) // len(SHARES)} of {count} numbers"
         print(f"{file} [{engine}]: {numbers}, {sum(f.seconds for f in faults):.0f} s")
         print("\n".join(f"  {line}" for line in table(faults)), flush=True)

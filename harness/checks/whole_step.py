@@ -331,7 +331,7 @@ def _check(
 ) -> WholeStepCheck:
     """Compare steps at drawn states, or at those that are evaluated already.
 
-    Forces of contacts tell nothing of a file whose masses are stand-ins.
+    Forces of contacts are not judged in a file whose masses are stand-ins.
 
     Raises:
         EngineError: if no state is comparable.

@@ -127,6 +127,9 @@ class UsdStage:
             raise LocationError(f"does not compose: {_one_line(errors[0])}", file=path)
         self.unit = float(pxr.UsdGeom.GetStageMetersPerUnit(self.stage))
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
+        if not 0 < min(self.unit, self.mass_unit) <= max(self.unit, self.mass_unit) < math.inf:
+            wrong = f"metersPerUnit is {self.unit:g}, and kilogramsPerUnit {self.mass_unit:g}"
+            raise LocationError(wrong, file=path).with_remedy("write positive numbers")
         self.up = "XYZ".index(str(pxr.UsdGeom.GetStageUpAxis(self.stage)).upper())
 
     def _select(self, stated: object) -> tuple[str, ...]:
@@ -179,7 +182,7 @@ class UsdStage:
         """Names of rigid bodies by prim."""
         return {prim: name for name, prim in self.bodies.items()}
 
-    def body_above(self, prim: Any) -> Any:
+    def body_of(self, prim: Any) -> Any:
         """Return the rigid body that holds a prim, or that it is; None without one."""
         while prim and prim not in self.body_names:
             prim = prim.GetParent()
@@ -352,12 +355,15 @@ class UsdStage:
 
     def overlay(self, numbers: Mapping[Number, float]) -> bytes:
         """Return a layer over the file that changes some numbers and keeps all its bytes."""
-        layer = self._layer_of(self._values(numbers))
+        return self.over_file(self._layer_of(self._values(numbers))).encode()
+
+    def over_file(self, layer: Any) -> str:
+        """Return a layer as text, with the file below it."""
         # Units, axis and default prim are read from a root layer only.
         self.pxr.UsdUtils.CopyLayerMetadata(self.stage.GetRootLayer(), layer, True)
-        layer.subLayerPaths.append(os.path.abspath(self.path))
+        layer.subLayerPaths = [os.path.abspath(self.path)]
         text: str = layer.ExportToString()
-        return text.encode()
+        return text
 
 
 def _named(prims: Sequence[Any]) -> dict[str, Any]:

@@ -67,8 +67,7 @@ class Mesh(NamedTuple):
 def read_mesh(file: Path) -> Mesh:
     """Return the triangles of a mesh, with the vertices that they use.
 
-    A COLLADA file states its unit, which engines apply. In glTF, y is up; Drake and other programs
-    turn it to z.
+    A COLLADA file states its unit, which engines apply. In glTF, y is up; engines turn it to z.
 
     Raises:
         MeshError: if it can't be read.

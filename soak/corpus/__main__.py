@@ -9,10 +9,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
 import shlex
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,17 +23,14 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 
+from soak import argument_parser, is_selected
 from soak.corpus.entries import ENTRIES
 from soak.corpus.entry import CorpusEntry
 from soak.corpus.judge import EntryResult
 
 ROOT = Path(__file__).parents[2]
-CHUNK_ENTRIES = 24
-"""Largest number of entries in one process, and of folders in one run."""
-
 TIMEOUT_SECONDS = 600.0
 """Time after which a process that judges a chunk counts as hung."""
 
@@ -39,7 +38,7 @@ TIMEOUT_SECONDS = 600.0
 def main() -> int:
     """Judge the selected entries, and print the wrong ones with commands that repeat them."""
     options = _options()
-    chosen = [entry for entry in ENTRIES.values() if _is_selected(entry.name, options.only)]
+    chosen = [entry for entry in ENTRIES.values() if is_selected(entry.name, options.only)]
     if not chosen:
         print(f"no entry matches {options.only}", file=sys.stderr)
         return 2
@@ -59,30 +58,17 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m soak.corpus",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argument_parser("soak.corpus", __doc__)
     parser.add_argument(
         "--only", action="append", default=[], metavar="PATTERN", help="select entries by name"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time (2)")
-    parser.add_argument(
-        "--chunk",
-        type=int,
-        default=CHUNK_ENTRIES,
-        help=f"entries in one process ({CHUNK_ENTRIES})",
-    )
+    parser.add_argument("--chunk", type=int, default=24, help="entries in one process (24)")
     parser.add_argument("--verbose", action="store_true", help="also print right entries")
     parser.add_argument(
         "--modes", action="store_true", help="compare exit codes with `run --thorough`"
     )
     return parser.parse_args()
-
-
-def _is_selected(name: str, patterns: Sequence[str]) -> bool:
-    return not patterns or name in patterns or any(fnmatchcase(name, p) for p in patterns)
 
 
 def chunks(entries: Iterable[CorpusEntry], size: int) -> list[list[CorpusEntry]]:
@@ -122,16 +108,13 @@ def judge_chunk(entries: Sequence[CorpusEntry], *options: str) -> list[EntryResu
         if remaining and len(remaining) == len(entries) - len(done) and (not results or ended):
             # If the first remaining entry ran separately, it ended or blocked the process.
             if len(remaining) == 1 or not remaining[0].batched:
-                done.append(_failed_result(remaining.pop(0), ended or ""))
+                name, wrong = remaining.pop(0).name, (ended or "",)
+                done.append(EntryResult(name=name, code=None, printed="", seconds=0.0, wrong=wrong))
             else:
                 for entry in remaining:
                     done += judge_chunk([entry], *options)
                 remaining = []
     return done
-
-
-def _failed_result(entry: CorpusEntry, why: str) -> EntryResult:
-    return EntryResult(name=entry.name, code=None, printed="", seconds=0.0, wrong=(why,))
 
 
 def _run_chunk(
@@ -170,9 +153,6 @@ def _run_chunk(
 
 def _kill_session(process: subprocess.Popen[str]) -> None:
     """Kill the remaining processes of a session."""
-    import contextlib
-    import signal
-
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-from soak.corpus.entry import CorpusEntry, append_text
+from soak.corpus.entry import BASELINE, CorpusEntry, append_text, write_file
 from soak.corpus.systems import FILE as SYSTEM_FILE
 
 _OUT = ("--out", "@out", "--baseline", "@baseline")
+_COMPARE = ("compare", "@hostile/mujoco.xml", "@sound/mujoco.xml")
 
 WRONG: dict[str, tuple[str, ...]] = {
     "an unknown command": ("frobnicate",),
@@ -65,30 +67,15 @@ WRONG: dict[str, tuple[str, ...]] = {
     "a file to compare that no engine reads": (
         "compare", "@hostile/system.txt", "@hostile/mujoco.xml"
     ),
-    "joints that are none": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--joints", "x"
-    ),
-    "a joint that there is not": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--joints", "y=x"
-    ),
-    "joints that are code": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--joints",
-        "x=__import__('os').getcwd()",
-    ),
-    "joints that are a tower of powers": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--joints", "x=x*9**9**9"
-    ),
-    "a start of a text": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--start", "x=far"
-    ),
-    "a start of nan": ("compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--start", "x=nan"),
-    "a start of another": ("compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--start", "y=1"),
-    "a map that is not there": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--map", "@nothing.toml"
-    ),
-    "an engine that does not read it": (
-        "compare", "@hostile/mujoco.xml", "@sound/mujoco.xml", "--engine", "pymunk"
-    ),
+    "joints that are none": (*_COMPARE, "--joints", "x"),
+    "a joint that there is not": (*_COMPARE, "--joints", "y=x"),
+    "joints that are code": (*_COMPARE, "--joints", "x=__import__('os').getcwd()"),
+    "joints that are a tower of powers": (*_COMPARE, "--joints", "x=x*9**9**9"),
+    "a start of a text": (*_COMPARE, "--start", "x=far"),
+    "a start of nan": (*_COMPARE, "--start", "x=nan"),
+    "a start of another": (*_COMPARE, "--start", "y=1"),
+    "a map that is not there": (*_COMPARE, "--map", "@nothing.toml"),
+    "an engine that does not read it": (*_COMPARE, "--engine", "pymunk"),
     "a new system without a name": ("new",),
     "a new system of an empty name": ("new", ""),
     "a new system of a number": ("new", "@7up"),
@@ -114,64 +101,26 @@ MAPS = {
 }
 
 
+_entry = partial(CorpusEntry, codes=(2, 3), match="crosscheck")
+
+
 def argument_entries() -> Iterator[CorpusEntry]:
     """Yield the entries that pass hostile arguments and joint maps."""
     for name, command in WRONG.items():
-        yield CorpusEntry(
-            name=f"arguments/{name}",
-            build=_write_extra_files,
-            command=command,
-            codes=(2, 3),
-            match=r"crosscheck",
-        )
+        yield _entry(f"arguments/{name}", _write_extra_files, command=command)
+    mapped = (*_COMPARE, "--map", "@hostile/map.toml")
     for name, text in MAPS.items():
-        command = (
-            "compare",
-            "@hostile/mujoco.xml",
-            "@sound/mujoco.xml",
-            "--map",
-            "@hostile/map.toml",
-        )
-
-        def build(workspace: Path, text: str = text) -> None:
-            (workspace / "hostile" / "map.toml").write_text(text, "utf-8")
-
-        yield CorpusEntry(
-            name=f"arguments/a map, {name}",
-            build=build,
-            command=command,
-            codes=(1, 2, 3),
-            match="crosscheck",
-        )
+        build = write_file("map.toml", text)
+        yield _entry(f"arguments/a map, {name}", build, command=mapped, codes=(1, 2, 3))
     for place, out in {"that is": "system.py", "below": "system.py/out"}.items():
-        yield CorpusEntry(
-            name=f"arguments/an out folder {place} a file",
-            build=_write_extra_files,
-            codes=(2, 3),
-            command=(
-                "run",
-                "@hostile",
-                "--out",
-                f"@hostile/{out}",
-                "--jobs",
-                "1",
-                "--baseline",
-                "@baseline",
-            ),
-            match=r"system\.py",
-        )
-    yield CorpusEntry(
-        name="arguments/a folder twice",
-        build=append_text(SYSTEM_FILE, "\n"),
-        codes=(0,),
-        command=("run", "@hostile", "@hostile", "--jobs", "1", *_OUT),
-    )
-    yield CorpusEntry(
-        name="arguments/more jobs than work",
-        build=append_text(SYSTEM_FILE, "\n"),
-        codes=(0,),
-        command=("run", "@hostile", "--jobs", "24", *_OUT),
-    )
+        name = f"arguments/an out folder {place} a file"
+        command = ("run", "@hostile", "--out", f"@hostile/{out}", *BASELINE)
+        yield _entry(name, _write_extra_files, command=command, match=r"system\.py")
+    sound = append_text(SYSTEM_FILE, "\n")
+    twice = ("run", "@hostile", "@hostile", "--jobs", "1", *_OUT)
+    yield CorpusEntry("arguments/a folder twice", sound, codes=(0,), command=twice)
+    more = ("run", "@hostile", "--jobs", "24", *_OUT)
+    yield CorpusEntry("arguments/more jobs than work", sound, codes=(0,), command=more)
 
 
 def _write_extra_files(workspace: Path) -> None:

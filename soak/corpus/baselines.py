@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from soak.corpus.entry import Build, CorpusEntry, chain_builds, replace_text
+from soak.corpus.entry import BASELINE, GATE, Build, CorpusEntry, replace_text
 from soak.corpus.mjcf import FILE as MJCF_FILE
 
-_GATE = ("gate", "@hostile", "--baseline", "@baseline", "--out", "@og", "--jobs", "1")
-_RUN = ("run", "@hostile", "--out", "@out", "--baseline", "@baseline", "--jobs", "1")
-ACCEPT = ("accept", "--folder", "@hostile", "--baseline", "@baseline", "--jobs", "1",
-          "--reason", "as it is")  # fmt: skip
-_NAMED = r"oscillator\.json"
+RUN = ("run", "@hostile", "--out", "@out", *BASELINE)
+ACCEPT = ("accept", "--folder", "@hostile", *BASELINE, "--reason", "as it is")
+_refused = partial(CorpusEntry, codes=(2, 3))
+_damaged = partial(_refused, before=(ACCEPT,), match=r"oscillator\.json")
 
 
 def _edit_json(change: Callable[[Any], object]) -> Build:
@@ -101,51 +101,18 @@ SWAPPED = {
 
 def baseline_entries() -> Iterator[CorpusEntry]:
     """Yield the entries with hostile baselines."""
-    for name, build in FILES.items():
-        for command in (_GATE, _RUN):
-            yield CorpusEntry(
-                name=f"baseline/{command[0]}, {name}",
-                build=build,
-                before=(ACCEPT,),
-                command=command,
-                codes=(2, 3),
-                match=_NAMED,
-            )
-    for name, build in SWAPPED.items():
-        for command in (_GATE, _RUN):
-            yield CorpusEntry(
-                name=f"baseline/{command[0]}, {name}",
-                build=build,
-                model="robot.urdf",
-                before=(ACCEPT,),
-                command=command,
-                codes=(2, 3),
-                match=_NAMED,
-            )
-    for name, arguments in (("gate,", _GATE), ("run,", _RUN), ("accept into", ACCEPT)):
-        yield CorpusEntry(
-            name=f"baseline/{name} a file",
-            build=_write_file_for_folder,
-            command=arguments,
-            codes=(2, 3),
-            match="baseline",
-        )
+    for builds, model in ((FILES, MJCF_FILE), (SWAPPED, "robot.urdf")):
+        for name, build in builds.items():
+            for command in (GATE, RUN):
+                title = f"baseline/{command[0]}, {name}"
+                yield _damaged(title, build, model=model, command=command)
+    for name, words in (("gate,", GATE), ("run,", RUN), ("accept into", ACCEPT)):
+        title = f"baseline/{name} a file"
+        yield _refused(title, _write_file_for_folder, command=words, match="baseline")
     broken = replace_text(MJCF_FILE, ("<worldbody>", "<worldbody"))
-    yield CorpusEntry(
-        name="baseline/accept what fails",
-        build=broken,
-        command=ACCEPT,
-        codes=(2, 3),
-        match=r"mujoco\.xml",
-    )
-    yield CorpusEntry(
-        name="baseline/accept into what is damaged",
-        build=chain_builds(FILES["half of it"]),
-        before=(ACCEPT,),
-        command=ACCEPT,
-        codes=(2, 3),
-        match=_NAMED,
-    )
+    yield _refused("baseline/accept what fails", broken, command=ACCEPT, match=r"mujoco\.xml")
+    damaged = FILES["half of it"]
+    yield _damaged("baseline/accept into what is damaged", damaged, command=ACCEPT)
 
 
 def _write_file_for_folder(workspace: Path) -> None:

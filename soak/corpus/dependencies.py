@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from soak.corpus.baselines import ACCEPT
-from soak.corpus.entry import Build, CorpusEntry, chain_builds, replace_text, write_file
+from soak.corpus.baselines import ACCEPT, RUN
+from soak.corpus.entry import GATE, Build, CorpusEntry, chain_builds, replace_text, write_file
 from soak.corpus.sound import MJCF
 
-GATE = ("gate", "@hostile", "--baseline", "@baseline", "--out", "@og", "--jobs", "1")
 _BARE = 'engines = ["mujoco"]\n'
 _HERE = "__import__('pathlib').Path(__file__).parent"
 _JOINT = '<joint name="x" type="slide" axis="1 0 0" stiffness="{}" damping="0.9"/>'
@@ -112,53 +112,28 @@ FILES = {
 
 def dependency_entries() -> Iterator[CorpusEntry]:
     """Yield the entries on external files and on missing engines."""
+    gate = partial(CorpusEntry, before=(ACCEPT,), command=GATE)
     for name, external in FILES.items():
-        setup = chain_builds(
-            external.use, _write_in_workspace(external.path, external.text.format(47.0))
+        right, wrong = (
+            _write_in_workspace(external.path, external.text.format(value))
+            for value in (47.0, 47.000047)
         )
-        for what, value, codes in (("as it was", 47.0, (0,)), ("edited", 47.000047, (1,))):
-            yield CorpusEntry(
-                name=f"gate/{name}, {what}",
-                setup=setup,
-                model=external.model,
-                before=(ACCEPT,),
-                build=_write_in_workspace(external.path, external.text.format(value)),
-                command=GATE,
-                codes=codes,
-            )
-    yield from _missing_engine_entries()
-
-
-ENGINES = ("mujoco", "pybullet", "pymunk")
-
-
-def _missing_engine_entries() -> Iterator[CorpusEntry]:
-    """Yield runs without any engine, none of which may pass."""
-    run = ("run", "@hostile", "--out", "@out", "--baseline", "@baseline", "--jobs", "1")
+        entry = partial(gate, setup=chain_builds(external.use, right), model=external.model)
+        yield entry(f"gate/{name}, as it was", right, codes=(0,))
+        yield entry(f"gate/{name}, edited", wrong, codes=(1,))
+    # Without any engine, no run may pass.
+    absent = partial(CorpusEntry, codes=(1, 2, 3), absent=("mujoco", "pybullet", "pymunk"))
     for command in (
-        run,
-        (*run, "--require-engines"),
+        RUN,
+        (*RUN, "--require-engines"),
         ("audit", "@hostile"),
         ("mutate", "@hostile", "--jobs", "1"),
         ACCEPT,
         ("compare", "@hostile/mujoco.xml", "@sound/mujoco.xml"),
         ("engines", "--conformance", "mujoco"),
     ):
-        yield CorpusEntry(
-            name=f"absent/{command[0]}{' as required' * ('--require-engines' in command)}",
-            build=lambda workspace: None,
-            command=command,
-            codes=(1, 2, 3),
-            absent=ENGINES,
-            match="installed",
-        )
+        name = f"absent/{command[0]}{' as required' * ('--require-engines' in command)}"
+        yield absent(name, chain_builds(), command=command, match="installed")
     # The accepted results remain, but nothing confirms them.
     changed = replace_text("mujoco.xml", ('"47"', '"48"'))
-    yield CorpusEntry(
-        name="absent/gate of what has changed",
-        build=changed,
-        before=(ACCEPT,),
-        command=GATE,
-        codes=(1, 2, 3),
-        absent=ENGINES,
-    )
+    yield absent("absent/gate of what has changed", changed, before=(ACCEPT,), command=GATE)

@@ -6,17 +6,20 @@ Most entries are hostile inputs. Some are sound folders, which must pass.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 
 Build = Callable[[Path], object]
 """A function that changes files of a workspace, in which `hostile/` and `sound/` start sound."""
 
-RUN = ("run", "@hostile", "@sound", "--out", "@out", "--baseline", "@baseline", "--jobs", "1")
+BASELINE = ("--baseline", "@baseline", "--jobs", "1")
+GATE = ("gate", "@hostile", "--out", "@og", *BASELINE)
+
+RUN = ("run", "@hostile", "@sound", "--out", "@out", *BASELINE)
 """The command line of most entries. In every command, `@name` is a path in the workspace."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class CorpusEntry:
     """An input for a command, with the required exit code and message.
 
@@ -35,6 +38,7 @@ class CorpusEntry:
 
     name: str
     build: Build
+    _: KW_ONLY
     model: str = "mujoco.xml"
     command: tuple[str, ...] = RUN
     before: tuple[tuple[str, ...], ...] = ()

@@ -156,27 +156,19 @@ def with_frames(model: str, *changes: Build) -> Build:
 def frame_entries() -> Iterator[CorpusEntry]:
     """Yield the entries on frames."""
     for model in _SIDECARS:
-        yield CorpusEntry(
-            name=f"right/frames in {model}", build=with_frames(model), model=model, codes=(0,)
-        )
-        for name, changes in MODEL_CHANGES[model].items():
-            build = with_frames(model, replace_text(model, *changes))
-            yield CorpusEntry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
-        for name, changes in SIDECAR_CHANGES[model].items():
-            build = with_frames(model, replace_text(f"{model}.toml", *changes))
-            yield CorpusEntry(name=f"frames/{model}, {name}", build=build, model=model, codes=(1,))
-    both_signs = with_frames(
-        _MJCF_NAME,
-        replace_text(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0"))),
-        replace_text(f"{_MJCF_NAME}.toml", _MINUS),
-    )
-    yield CorpusEntry(name="right/an axis and its sign turned round", build=both_signs, codes=(0,))
-    # No joint motion distinguishes the two, and no frame is declared.
+        yield CorpusEntry(f"right/frames in {model}", with_frames(model), model=model, codes=(0,))
+        for file, changes in ((model, MODEL_CHANGES), (f"{model}.toml", SIDECAR_CHANGES)):
+            for name, pairs in changes[model].items():
+                build = with_frames(model, replace_text(file, *pairs))
+                yield CorpusEntry(f"frames/{model}, {name}", build, model=model, codes=(1,))
+    # Without frames, no joint motion distinguishes the axes.
     turned = replace_text(_MJCF_NAME, (_AXIS[0], _AXIS[1].format("-1 0 0")))
-    yield CorpusEntry(name="right/an axis turned round, without frames", build=turned, codes=(0,))
+    both_signs = with_frames(_MJCF_NAME, turned, replace_text(f"{_MJCF_NAME}.toml", _MINUS))
+    yield CorpusEntry("right/an axis and its sign turned round", both_signs, codes=(0,))
+    yield CorpusEntry("right/an axis turned round, without frames", turned, codes=(0,))
     for name, change in TABLES.items():
         build = with_frames(_MJCF_NAME, replace_text(f"{_MJCF_NAME}.toml", change))
-        yield CorpusEntry(name=f"frames/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3))
+        yield CorpusEntry(f"frames/{name}", build, match=r"mujoco\.xml", codes=(1, 3))
     for name, change in DECLARED.items():
         build = with_frames(_MJCF_NAME, replace_text("system.py", change))
-        yield CorpusEntry(name=f"frames/declared, {name}", build=build, match=r"system\.py")
+        yield CorpusEntry(f"frames/declared, {name}", build, match=r"system\.py")

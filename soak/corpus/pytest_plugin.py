@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from soak.corpus.entry import (
@@ -15,6 +16,7 @@ from soak.corpus.entry import (
 )
 
 _RUN = ("pytest", "-q", "--crosscheck", "@hostile")
+_entry = partial(CorpusEntry, command=_RUN, match="crosscheck")
 
 OPTIONS: dict[str, tuple[str, ...]] = {
     "a folder that is not there": ("--crosscheck", "@nowhere"),
@@ -65,39 +67,18 @@ def pytest_entries() -> Iterator[CorpusEntry]:
     """Yield the pytest entries. Only sound folders may pass."""
     for name, words in OPTIONS.items():
         command = ("pytest", "-q", *words) if words[0] == "--crosscheck" else (*_RUN, *words)
-        yield CorpusEntry(
-            name=f"pytest/{name}",
-            build=_make_empty_folder,
-            command=command,
-            codes=(4,),
-            match="crosscheck",
-        )
+        yield _entry(f"pytest/{name}", _make_empty_folder, command=command, codes=(4,))
     for name, text in SETTINGS.items():
         codes = (0,) if name.startswith("warnings") else (1, 4)
-        yield CorpusEntry(
-            name=f"pytest/settings/{name}",
-            build=chain_builds(_make_empty_folder, _write_settings(text)),
-            command=("pytest", "-q"),
-            codes=codes,
-            match="crosscheck",
-        )
+        build = chain_builds(_make_empty_folder, _write_settings(text))
+        yield _entry(f"pytest/settings/{name}", build, command=("pytest", "-q"), codes=codes)
     for name, build in FOLDERS.items():
-        yield CorpusEntry(
-            name=f"pytest/{name}",
-            build=build,
-            command=_RUN,
-            codes=(1, 2),
-            match=r"mujoco\.xml|system\.py",
-        )
+        yield _entry(f"pytest/{name}", build, codes=(1, 2), match=r"mujoco\.xml|system\.py")
     for name, line in HOOKS.items():
-        yield CorpusEntry(
-            name=f"pytest/a hook that {name}",
-            build=_write_hook(line),
-            command=_RUN,
-            codes=(1, 2, 4),
-            match="mujoco",
-        )
-    yield CorpusEntry(name="right/pytest", build=_make_empty_folder, command=_RUN, codes=(0,))
+        hook = f"def pytest_crosscheck_case(record):\n    {line}\n"
+        build = write_file("conftest.py", hook)
+        yield _entry(f"pytest/a hook that {name}", build, codes=(1, 2, 4), match="mujoco")
+    yield _entry("right/pytest", _make_empty_folder, codes=(0,), match="")
 
 
 def _make_empty_folder(workspace: Path) -> None:
@@ -108,8 +89,3 @@ def _write_settings(text: str) -> Build:
     return lambda workspace: (workspace / "pyproject.toml").write_text(
         f"[tool.pytest.ini_options]\n{text}\n", "utf-8"
     )
-
-
-def _write_hook(line: str) -> Build:
-    text = f"def pytest_crosscheck_case(record):\n    {line}\n"
-    return lambda workspace: (workspace / "hostile" / "conftest.py").write_text(text, "utf-8")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from soak.corpus.entry import Build, CorpusEntry
+from soak.corpus.entry import Build, CorpusEntry, write_file
 
 _COMMAND = ("report", "@hostile/results.json", "--out", "@out")
-_NAMED = r"results\.json"
+_entry = partial(CorpusEntry, command=_COMMAND, codes=(2,), match=r"results\.json")
 
 
 def _example_results() -> Any:
@@ -19,10 +20,6 @@ def _example_results() -> Any:
     from tests.records.examples import example
 
     return example(Results)
-
-
-def _write_results(data: bytes) -> Build:
-    return lambda workspace: (workspace / "hostile" / "results.json").write_bytes(data)
 
 
 def _change_value(*path: str | int, value: object) -> Build:
@@ -83,40 +80,20 @@ MARKUP = "</script><script>open('PWNED')</script>{{ 7 * 7 }}{% for %}<!-- \u202e
 def result_entries() -> Iterator[CorpusEntry]:
     """Yield the entries of `report`."""
     for name, data in TEXTS.items():
-        yield CorpusEntry(
-            name=f"report/{name}",
-            build=_write_results(data),
-            command=_COMMAND,
-            codes=(2,),
-            match=_NAMED,
-        )
+        yield _entry(f"report/{name}", write_file("results.json", data))
     for name, (path, value) in VALUES.items():
-        yield CorpusEntry(
-            name=f"report/{name}",
-            build=_change_value(*path, value=value),
-            command=_COMMAND,
-            codes=(2,),
-            match=_NAMED,
-        )
+        yield _entry(f"report/{name}", _change_value(*path, value=value))
     for path in (("created",), ("cases", 0, "reason"), ("cases", 0, "stdout"),
                  ("systems", 0, "title"), ("models", 0, "text"),
                  ("models", 0, "sidecar")):  # fmt: skip
         build = _change_value(*path, value=MARKUP)
-        yield CorpusEntry(
-            name=f"report/markup in {'.'.join(map(str, path))}",
-            build=build,
-            command=_COMMAND,
-            codes=(0, 2),
-        )
-    for name, make in _ODD.items():
-        yield CorpusEntry(
-            name=f"report/{name}", build=make, command=_COMMAND, codes=(2, 3), match=_NAMED
-        )
+        where = ".".join(map(str, path))
+        yield _entry(f"report/markup in {where}", build, codes=(0, 2), match="")
+    for name, build in _ODD.items():
+        yield _entry(f"report/{name}", build, codes=(2, 3))
+    command = ("report", "@hostile/results.json", "--out", "@hostile/system.py")
     yield CorpusEntry(
-        name="report/an out folder that is a file",
-        build=_write_example,
-        command=("report", "@hostile/results.json", "--out", "@hostile/system.py"),
-        codes=(2, 3),
+        "report/an out folder that is a file", _write_example, command=command, codes=(2, 3)
     )
 
 

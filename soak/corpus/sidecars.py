@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
-from soak.corpus.entry import CorpusEntry, append_text, replace_text, write_file
+from soak.corpus.entry import Build, CorpusEntry, append_text, replace_text, write_file
 from soak.corpus.odd_files import odd_files
 
 FILE = "mujoco.xml.toml"
@@ -141,56 +142,42 @@ ADDRESSES = {
 }
 
 
+_entry = partial(CorpusEntry, match=r"mujoco\.xml", codes=(1, 3))
+
+
 def sidecar_entries() -> Iterator[CorpusEntry]:
     """Yield the sidecar entries."""
     for name, text in TEXTS.items():
-        yield CorpusEntry(name=f"sidecar/{name}", build=write_file(FILE, text), match=_NAMED)
+        yield CorpusEntry(f"sidecar/{name}", write_file(FILE, text), match=_NAMED)
     for name, line in SETTINGS.items():
         build = replace_text(FILE, (_ENGINES, f"{_ENGINES}\n[settings]\n{line}"))
-        yield CorpusEntry(
-            name=f"sidecar/settings/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
-        )
+        yield _entry(f"sidecar/settings/{name}", build)
     for name, text in SPRINGS.items():
         build = append_text(FILE, f"\n[[spring]]\n{text}\n")
-        yield CorpusEntry(name=f"sidecar/spring/{name}", build=build, match=_NAMED)
+        yield CorpusEntry(f"sidecar/spring/{name}", build, match=_NAMED)
     for name, text in HOSTILE_EXPRESSIONS.items():
         for table in ("coordinates", "readback", "bindings"):
-            yield from _expression_entries(name, text, table)
+            yield _entry(f"sidecar/{table}/{name}", _write_expression(name, text, table))
     for name, text in ADDRESSES.items():
-        build = append_text(FILE, f'"{text}" = "k"\n')
-        yield CorpusEntry(
-            name=f"sidecar/address/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
-        )
+        yield _entry(f"sidecar/address/{name}", append_text(FILE, f'"{text}" = "k"\n'))
     bindings = "".join(f'"joint[x{i}]@stiffness" = "k"\n' for i in range(3000))
-    yield CorpusEntry(
-        name="sidecar/3000 meaningless bindings",
-        build=append_text(FILE, bindings),
-        match=r"mujoco\.xml",
-        codes=(1, 3),
-    )
+    yield _entry("sidecar/3000 meaningless bindings", append_text(FILE, bindings))
     for name, build in odd_files(FILE):
         # The first half is a valid sidecar with fewer bindings.
         codes = (0, 3) if name == "half of it" else (3,)
-        yield CorpusEntry(name=f"sidecar/{name}", build=build, match=_NAMED, codes=codes)
-    for kind in ("lines of 3 MB", "keys of 50000"):
-        text = f"# {'x' * 3_000_000}\n" if kind.startswith("lines") else "".join(
-            f"k{i} = {i}\n" for i in range(50_000)
-        )  # fmt: skip
-        codes = (3,) if kind.startswith("lines") else (1, 3)
-        yield CorpusEntry(name=f"sidecar/{kind}", build=append_text(FILE, text), codes=codes)
+        yield CorpusEntry(f"sidecar/{name}", build, match=_NAMED, codes=codes)
+    yield CorpusEntry("sidecar/lines of 3 MB", append_text(FILE, f"# {'x' * 3_000_000}\n"))
+    keys = "".join(f"k{i} = {i}\n" for i in range(50_000))
+    yield CorpusEntry("sidecar/keys of 50000", append_text(FILE, keys), codes=(1, 3))
 
 
-def _expression_entries(name: str, text: str, table: str) -> Iterator[CorpusEntry]:
+def _write_expression(name: str, text: str, table: str) -> Build:
     spelled = text.replace('"', '\\"')
     if table == "bindings":
         # Bindings may use constants only.
         spelled = spelled.replace("x", "m") if "x" in spelled and "exp" not in name else spelled
-        build = replace_text(FILE, ('"k"', f'"{spelled}"'))
-    elif table == "coordinates":
-        build = replace_text(FILE, (_ENGINES, f'{_ENGINES}\n[coordinates]\nx = "{spelled}"'))
-    else:
-        tables = f'[coordinates]\nx = "x"\n[readback]\nx = "{spelled}"'
-        build = replace_text(FILE, (_ENGINES, f"{_ENGINES}\n{tables}"))
-    yield CorpusEntry(
-        name=f"sidecar/{table}/{name}", build=build, match=r"mujoco\.xml", codes=(1, 3)
-    )
+        return replace_text(FILE, ('"k"', f'"{spelled}"'))
+    if table == "coordinates":
+        return replace_text(FILE, (_ENGINES, f'{_ENGINES}\n[coordinates]\nx = "{spelled}"'))
+    tables = f'[coordinates]\nx = "x"\n[readback]\nx = "{spelled}"'
+    return replace_text(FILE, (_ENGINES, f"{_ENGINES}\n{tables}"))

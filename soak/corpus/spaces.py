@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from soak.corpus.entry import CorpusEntry, append_text, replace_text
 from soak.corpus.odd_files import odd_files
@@ -72,46 +73,29 @@ WITHIN = {
 }  # fmt: skip
 
 
+_entry = partial(CorpusEntry, model=FILE, match=_NAMED)
+
+
 def space_entries() -> Iterator[CorpusEntry]:
     """Yield the `space.py` entries."""
     for name, code in CODE.items():
         if name.startswith(("deletes", "declares", "an unknown encoding")):
             continue
-        yield CorpusEntry(
-            name=f"space.py/{name}",
-            build=append_text(FILE, f"\n{code}\n"),
-            model=FILE,
-            match=_NAMED,
-        )
+        yield _entry(f"space.py/{name}", append_text(FILE, f"\n{code}\n"))
         if not name.startswith(("no Python", "tabs", "a null")):
             inner = "\n".join(f"    {line}" for line in code.splitlines())
-            build = replace_text(
-                FILE, ("    space = pymunk.Space()", f"{inner}\n    space = pymunk.Space()")
-            )
-            yield CorpusEntry(name=f"space.py/build {name}", build=build, model=FILE, match=_NAMED)
+            start = "    space = pymunk.Space()"
+            build = replace_text(FILE, (start, f"{inner}\n{start}"))
+            yield _entry(f"space.py/build {name}", build)
     for name, code in HARMLESS.items():
-        yield CorpusEntry(
-            name=f"space.py/{name}", build=append_text(FILE, f"\n{code}\n"), model=FILE, codes=(0,)
-        )
+        build = append_text(FILE, f"\n{code}\n")
+        yield _entry(f"space.py/{name}", build, codes=(0,), match="")
     for name, change in WITHIN.items():
         may_agree = name in ("a callback after each step", "a body on rails", "a shape in the way")
-        yield CorpusEntry(
-            name=f"space.py/{name}",
-            build=replace_text(FILE, change),
-            model=FILE,
-            match="" if may_agree else _NAMED,
-            codes=(0, 1, 3) if may_agree else (1, 3),
-        )
+        match, codes = ("", (0, 1, 3)) if may_agree else (_NAMED, (1, 3))
+        yield _entry(f"space.py/{name}", replace_text(FILE, change), match=match, codes=codes)
     for name, code in ENDLESS.items():
-        yield CorpusEntry(
-            name=f"space.py/{name}",
-            build=append_text(FILE, f"\n{code}\n"),
-            model=FILE,
-            match=_NAMED,
-            command=LIMITED,
-            slow=True,
-        )
+        build = append_text(FILE, f"\n{code}\n")
+        yield _entry(f"space.py/{name}", build, command=LIMITED, slow=True)
     for name, build in odd_files(FILE):
-        yield CorpusEntry(
-            name=f"space.py/{name}", build=build, model=FILE, match=_NAMED, codes=(1, 3)
-        )
+        yield _entry(f"space.py/{name}", build, codes=(1, 3))

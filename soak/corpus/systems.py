@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
-from soak.corpus.entry import Build, CorpusEntry, append_text, prepend_text, replace_text
+from soak.corpus.entry import RUN, Build, CorpusEntry, append_text, prepend_text, replace_text
 from soak.corpus.odd_files import odd_files
 
 FILE = "system.py"
@@ -218,6 +219,9 @@ NAMES = ("a/b", "../../PWNED", "a\\nb", "<script>alert(1)</script>", "{{ 7 * 7 }
 """Names of a scenario, which are printed but never interpreted."""
 
 
+_entry = partial(CorpusEntry, match=_NAMED)
+
+
 def system_entries() -> Iterator[CorpusEntry]:
     """Yield the `system.py` entries."""
     for name, code in CODE.items():
@@ -225,35 +229,24 @@ def system_entries() -> Iterator[CorpusEntry]:
         build = (
             prepend_text(FILE, f"{code}\n") if is_first_line else append_text(FILE, f"\n{code}\n")
         )
-        yield CorpusEntry(name=f"system.py/{name}", build=build, match=_NAMED)
+        yield _entry(f"system.py/{name}", build)
     for name, code in HARMLESS.items():
-        yield CorpusEntry(
-            name=f"system.py/{name}", build=append_text(FILE, f"\n{code}\n"), codes=(0,)
-        )
+        build = append_text(FILE, f"\n{code}\n")
+        yield CorpusEntry(f"system.py/{name}", build, codes=(0,))
     for name, change in EXPRESSIONS.items():
-        yield CorpusEntry(
-            name=f"system.py/{name}", build=replace_text(FILE, change), match=_NAMED, codes=(1, 3)
-        )
+        yield _entry(f"system.py/{name}", replace_text(FILE, change), codes=(1, 3))
     for name, build in odd_files(FILE):
-        yield CorpusEntry(name=f"system.py/{name}", build=build, match=_NAMED, codes=(2, 3))
+        yield _entry(f"system.py/{name}", build, codes=(2, 3))
     for name, code in ENDLESS.items():
         build = append_text(FILE, f"\n{code}\n")
-        yield CorpusEntry(
-            name=f"system.py/{name}", build=build, match=_NAMED, command=LIMITED, slow=True
-        )
-    yield from _text_entries()
-    for command in EXTRA:
-        yield from _command_entries(command)
-
-
-def _text_entries() -> Iterator[CorpusEntry]:
+        yield _entry(f"system.py/{name}", build, command=LIMITED, slow=True)
     for name, text in EQUATIONS.items():
-        yield CorpusEntry(
-            name=f"system.py/published/{name}", build=_publish_equation(text), match=_NAMED
-        )
+        yield _entry(f"system.py/published/{name}", _publish_equation(text))
     for name in NAMES:
         build = replace_text(FILE, ('Scenario("driven"', f'Scenario("{name}"'))
-        yield CorpusEntry(name=f"system.py/scenario called {name}", build=build, codes=(0, 3))
+        yield CorpusEntry(f"system.py/scenario called {name}", build, codes=(0, 3))
+    for command in EXTRA:
+        yield from _command_entries(command)
 
 
 def _command_entries(command: str) -> Iterator[CorpusEntry]:
@@ -262,19 +255,11 @@ def _command_entries(command: str) -> Iterator[CorpusEntry]:
     for name in ("raises BaseException", "raises KeyboardInterrupt", "segfaults", "no Python",
                  "ends the process with 0", "declares nothing"):  # fmt: skip
         build = append_text(FILE, f"\n{CODE[name]}\n")
-        yield CorpusEntry(
-            name=f"{command}/system.py {name}", build=build, command=line, match=_NAMED
-        )
+        yield _entry(f"{command}/system.py {name}", build, command=line)
     for name in ("V is nan", "T is nothing", "starts at nan", "its force is complex",
                  "the mass has 400 digits", "V is a tower of powers"):  # fmt: skip
         build = replace_text(FILE, EXPRESSIONS[name])
-        yield CorpusEntry(
-            name=f"{command}/system.py {name}",
-            build=build,
-            command=line,
-            match=_NAMED,
-            codes=(1, 3),
-        )
+        yield _entry(f"{command}/system.py {name}", build, command=line, codes=(1, 3))
 
 
 EXTRA = {
@@ -284,8 +269,7 @@ EXTRA = {
     "mutate": ("--jobs", "1", "--limit", "20"),
 }
 
-LIMITED = ("run", "@hostile", "@sound", "--out", "@out", "--baseline", "@baseline", "--jobs", "1",
-            "--limit", "4", "--memory", "1")  # fmt: skip
+LIMITED = (*RUN, "--limit", "4", "--memory", "1")
 
 ENDLESS = {
     "never ends": "while True: pass",

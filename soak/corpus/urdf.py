@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from soak.corpus.entry import CorpusEntry, replace_text, write_file
 from soak.corpus.odd_files import odd_files
@@ -83,21 +84,16 @@ _HARMLESS = ("a transmission", "a reference in a number", "mass 1e999", "origin 
 """Inputs that an engine may run: they do not affect the slide, or a remark reports them."""
 
 
+_entry = partial(CorpusEntry, model=FILE)
+
+
 def urdf_entries() -> Iterator[CorpusEntry]:
     """Yield the URDF entries."""
     for name, change in (*NUMBERS.items(), *ELEMENTS.items()):
-        codes = (0, 1, 3) if name in _HARMLESS else (1, 3)
-        yield CorpusEntry(
-            name=f"urdf/{name}",
-            build=replace_text(FILE, change),
-            model=FILE,
-            codes=codes,
-            match="" if 0 in codes else _NAMED,
-        )
+        match, codes = ("", (0, 1, 3)) if name in _HARMLESS else (_NAMED, (1, 3))
+        yield _entry(f"urdf/{name}", replace_text(FILE, change), codes=codes, match=match)
     deep = URDF.replace("</robot>", "<a>" * 5000 + "</a>" * 5000 + "</robot>")
-    yield CorpusEntry(
-        name="urdf/5000 elements deep", build=write_file(FILE, deep), model=FILE, codes=(0, 1, 3)
-    )
+    yield _entry("urdf/5000 elements deep", write_file(FILE, deep), codes=(0, 1, 3))
     for name, build in odd_files(FILE):
         codes = (0, 1, 3) if name.startswith("UTF") else (1, 3)
-        yield CorpusEntry(name=f"urdf/{name}", build=build, model=FILE, match=_NAMED, codes=codes)
+        yield _entry(f"urdf/{name}", build, match=_NAMED, codes=codes)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from soak.corpus.baselines import ACCEPT
 from soak.corpus.entry import (
+    GATE,
     Build,
     CorpusEntry,
     append_text,
@@ -18,8 +20,7 @@ from soak.corpus.entry import (
 from soak.corpus.sound import MJCF, MJCF_SIDECAR, SYSTEM, URDF_SIDECAR
 
 ROOT = Path(__file__).parents[2]
-_GATE = ("gate", "@hostile", "--baseline", "@baseline", "--out", "@og", "--jobs", "1")
-_MJCF, _SIDECAR, _SYSTEM = "mujoco.xml", "mujoco.xml.toml", "system.py"
+_MJCF, _SIDECAR, _SYSTEM, _SPACE = "mujoco.xml", "mujoco.xml.toml", "system.py", "space.py"
 
 _FALL = MJCF.replace(
     "<inertial", '<joint name="fall" type="slide" axis="0 0 1"/>\n      <inertial', 1
@@ -76,185 +77,106 @@ _TILTED = """<robot name="rotor"><link name="ground"/>
 """
 
 
-def verdict_entries() -> Iterator[CorpusEntry]:
-    """Yield the wrong models that must fail and the right models that must pass."""
-    yield from _wrong_entries()
-    yield from _gate_entries()
-    yield from _right_entries()
-
-
-def _wrong_entries() -> Iterator[CorpusEntry]:
-    for name, build, model in (
-        ("a step longer than the motion", replace_text(_MJCF, ('"0.002"', '"3"')), _MJCF),
-        (
-            "a step of 1e30 in the sidecar",
-            append_text(_SIDECAR, "[settings]\nstep = 1e30\n"),
-            _MJCF,
-        ),
-        (
-            "a binding beyond every list",
-            append_text(_SIDECAR, f'"option@gravity[{"9" * 4400}]" = "m"\n'),
-            _MJCF,
-        ),
-        (
-            "a binding that is a tower of powers",
-            replace_text(_SIDECAR, ('"k"', '"m * 9**9**9"')),
-            _MJCF,
-        ),
-        (
-            "a bound number that no motion feels",
-            chain_builds(append_text(_SIDECAR, '"body[block]/inertial@diaginertia[0]" = "m"\n')),
-            _MJCF,
-        ),
-        (
-            "a freedom too many",
-            chain_builds(write_file(_MJCF, _FALL), _add_coordinates('x = "x"\nfall = 0')),
-            _MJCF,
-        ),
-        (
-            "a coordinate that follows without an equality",
-            chain_builds(write_file(_MJCF, _FALL), _add_coordinates('x = "x"\nfall = "x"')),
-            _MJCF,
-        ),
-        ("a stiffness wrong by 1e-6", replace_text(_MJCF, ('"47"', '"47.000047"')), _MJCF),
-        ("a mass wrong by 1e-8", replace_text(_MJCF, ('"1.3"', '"1.300000013"')), _MJCF),
-        (
-            "a complex force",
-            replace_text(_SYSTEM, ("1.5 * sin(5.9 * t)", "(1 + 1j) * 1.5 * sin(5.9 * t)")),
-            _MJCF,
-        ),
-        (
-            "a space that steps otherwise",
-            replace_text(
-                "space.py",
-                (
-                    "space = pymunk.Space()",
-                    "class Own(pymunk.Space):\n        def step(self, dt):\n"
-                    "            super().step(dt)\n"
-                    "            self.bodies[0].velocity *= 0.9999\n\n"
-                    "    space = Own()",
-                ),
-            ),
-            "space.py",
-        ),
-        (
-            "a drain at the shipped step alone",
-            replace_text("space.py", ("    space.add(", f"{_LATE_DRAIN}    space.add(")),
-            "space.py",
-        ),
-        (
-            "a complex share of a force",
-            replace_text(_SYSTEM, ("on={x: 1}", "on={x: 1 + 1j}")),
-            _MJCF,
-        ),
-        (
-            "a force that is complex for a while",
-            replace_text(_SYSTEM, ("1.5 * sin(5.9 * t)", "1.5 * (t - 0.5)**1.5")),
-            _MJCF,
-        ),
-        (
-            "a step on the class",
-            replace_text(
-                "space.py",
-                (
-                    "    space = pymunk.Space()\n",
-                    "    space = pymunk.Space()\n    plain = pymunk.Space.step\n\n"
-                    "    def own(space, dt):\n        plain(space, dt)\n"
-                    "        space.bodies[0].velocity *= 0.9999\n\n    pymunk.Space.step = own\n",
-                ),
-            ),
-            "space.py",
-        ),
-        (
-            "a position function",
-            replace_text(
-                "space.py",
-                (
-                    "    space.add(",
-                    "    block.position_func = lambda body, dt: None\n    space.add(",
-                ),
-            ),
-            "space.py",
-        ),
-        (
-            "a spring beside a space",
-            append_text(
-                "space.py.toml",
-                "[[spring]]\njoints = {x = 1}\nstiffness = 1\ndamping = 0\nrest = 0\n",
-            ),
-            "space.py",
-        ),
-        (
-            "a spring beside an MJCF",
-            append_text(
-                _SIDECAR, "[[spring]]\njoints = {x = 1}\nstiffness = 1\ndamping = 0\nrest = 0\n"
-            ),
-            _MJCF,
-        ),
-        ("no engine that is there", replace_text(_SIDECAR, ('"mujoco"', '"havok"')), _MJCF),
-        (
-            "another scenario than the model can do",
-            replace_text(_SYSTEM, ("duration=1.0", "duration=1e-9")),
-            _MJCF,
-        ),
-    ):
-        yield CorpusEntry(name=f"wrong/{name}", build=build, model=model, codes=(1, 3))
-
-
-def _add_coordinates(lines: str) -> Build:
-    return replace_text(_SIDECAR, ("[bindings]", f"[coordinates]\n{lines}\n[bindings]"))
-
-
-def _gate_entries() -> Iterator[CorpusEntry]:
-    """Yield the changes that a gate must report after the unchanged folder was accepted."""
-    inertia = '"body[block]/inertial@diaginertia[0]" = "m / 1.3"\n'
-
-    def bound(workspace: Path) -> None:
-        path = workspace / "hostile" / _SIDECAR
-        path.write_text(path.read_text("utf-8") + inertia, "utf-8")
-
-    yield CorpusEntry(
-        name="gate/a bound number that no motion feels",
-        build=chain_builds(bound, replace_text(_MJCF, ('"1 1 1"', '"2 2 2"'))),
-        before=(ACCEPT,),
-        command=_GATE,
-        codes=(1, 3),
-    )
-    for name, build in (
-        ("a stiffness wrong by 1e-6", replace_text(_MJCF, ('"47"', '"47.000047"'))),
-        ("a constant of the system", replace_text(_SYSTEM, ("47.0", "47.000047"))),
-        ("a model file that is gone", _delete_file(_MJCF)),
-        ("a sidecar that is gone", _delete_file(_SIDECAR)),
-        ("the system that is gone", _delete_file(_SYSTEM)),
-        ("an engine that is gone", replace_text(_SIDECAR, ('"mujoco"', '"havok"'))),
-        (
-            "a scenario that is gone",
-            replace_text(_SYSTEM, ('"driven", "driven"', '"forced", "driven"')),
-        ),
-    ):
-        yield CorpusEntry(
-            name=f"gate/{name}", build=build, before=(ACCEPT,), command=_GATE, codes=(1, 2, 3)
-        )
-
-
 def _delete_file(name: str) -> Build:
     return lambda workspace: (workspace / "hostile" / name).unlink()
 
 
+_SPRING = "[[spring]]\njoints = {x = 1}\nstiffness = 1\ndamping = 0\nrest = 0\n"
+_FORCE = "1.5 * sin(5.9 * t)"
+_START = "    space = pymunk.Space()\n"
+_OWN_STEP = """    class Own(pymunk.Space):
+        def step(self, dt):
+            super().step(dt)
+            self.bodies[0].velocity *= 0.9999
+
+    space = Own()
+"""
+_CLASS_STEP = """    plain = pymunk.Space.step
+
+    def own(space, dt):
+        plain(space, dt)
+        space.bodies[0].velocity *= 0.9999
+
+    pymunk.Space.step = own
+"""
+_STILL = "    block.position_func = lambda body, dt: None\n"
+_EXACT = '"body[block]/inertial@diaginertia[0]" = "m"\n'
+_STIFFER = replace_text(_MJCF, ('"47"', '"47.000047"'))
+
+
+def _add_coordinates(lines: str) -> Build:
+    added = replace_text(_SIDECAR, ("[bindings]", f"[coordinates]\n{lines}\n[bindings]"))
+    return chain_builds(write_file(_MJCF, _FALL), added)
+
+
+WRONG_MJCF: Mapping[str, Build] = {
+    "a step longer than the motion": replace_text(_MJCF, ('"0.002"', '"3"')),
+    "a step of 1e30 in the sidecar": append_text(_SIDECAR, "[settings]\nstep = 1e30\n"),
+    "a binding beyond every list": append_text(_SIDECAR, f'"option@gravity[{"9" * 4400}]" = "m"\n'),
+    "a binding that is a tower of powers": replace_text(_SIDECAR, ('"k"', '"m * 9**9**9"')),
+    "a bound number that no motion feels": append_text(_SIDECAR, _EXACT),
+    "a freedom too many": _add_coordinates('x = "x"\nfall = 0'),
+    "a coordinate that follows without an equality": _add_coordinates('x = "x"\nfall = "x"'),
+    "a stiffness wrong by 1e-6": _STIFFER,
+    "a mass wrong by 1e-8": replace_text(_MJCF, ('"1.3"', '"1.300000013"')),
+    "a complex force": replace_text(_SYSTEM, (_FORCE, f"(1 + 1j) * {_FORCE}")),
+    "a complex share of a force": replace_text(_SYSTEM, ("on={x: 1}", "on={x: 1 + 1j}")),
+    "a force that is complex for a while": replace_text(_SYSTEM, (_FORCE, "1.5 * (t - 0.5)**1.5")),
+    "a spring beside an MJCF": append_text(_SIDECAR, _SPRING),
+    "no engine that is there": replace_text(_SIDECAR, ('"mujoco"', '"havok"')),
+    "another scenario than the model can do": replace_text(
+        _SYSTEM, ("duration=1.0", "duration=1e-9")
+    ),
+}
+
+WRONG_SPACES: Mapping[str, Build] = {
+    "a space that steps otherwise": replace_text(_SPACE, (_START, _OWN_STEP)),
+    "a drain at the shipped step alone": replace_text(
+        _SPACE, ("    space.add(", f"{_LATE_DRAIN}    space.add(")
+    ),
+    "a step on the class": replace_text(_SPACE, (_START, _START + _CLASS_STEP)),
+    "a position function": replace_text(_SPACE, ("    space.add(", f"{_STILL}    space.add(")),
+    "a spring beside a space": append_text(f"{_SPACE}.toml", _SPRING),
+}
+
+GATED: Mapping[str, Build] = {
+    "a stiffness wrong by 1e-6": _STIFFER,
+    "a constant of the system": replace_text(_SYSTEM, ("47.0", "47.000047")),
+    "a model file that is gone": _delete_file(_MJCF),
+    "a sidecar that is gone": _delete_file(_SIDECAR),
+    "the system that is gone": _delete_file(_SYSTEM),
+    "an engine that is gone": replace_text(_SIDECAR, ('"mujoco"', '"havok"')),
+    "a scenario that is gone": replace_text(_SYSTEM, ('"driven", "driven"', '"forced", "driven"')),
+}
+"""Changes that a gate must report after the unchanged folder was accepted."""
+
+
+def verdict_entries() -> Iterator[CorpusEntry]:
+    """Yield the wrong models that must fail and the right models that must pass."""
+    for builds, model in ((WRONG_MJCF, _MJCF), (WRONG_SPACES, _SPACE)):
+        for name, build in builds.items():
+            yield CorpusEntry(f"wrong/{name}", build, model=model, codes=(1, 3))
+    bound = append_text(_SIDECAR, '"body[block]/inertial@diaginertia[0]" = "m / 1.3"\n')
+    heavier = chain_builds(bound, replace_text(_MJCF, ('"1 1 1"', '"2 2 2"')))
+    gate = partial(CorpusEntry, before=(ACCEPT,), command=GATE)
+    yield gate("gate/a bound number that no motion feels", heavier, codes=(1, 3))
+    for name, build in GATED.items():
+        yield gate(f"gate/{name}", build, codes=(1, 2, 3))
+    yield from _right_entries()
+
+
 def _right_entries() -> Iterator[CorpusEntry]:
+    right = partial(CorpusEntry, codes=(0,))
     stands = chain_builds(
         write_file(_SYSTEM, _TWO),
         write_file(_MJCF, _STATIONARY),
         write_file(_SIDECAR, MJCF_SIDECAR),
     )
-    yield CorpusEntry(name="right/a coordinate that nothing moves", build=stands, codes=(0,))
+    yield right("right/a coordinate that nothing moves", stands)
+    order = 'stiffness="47" damping="0.9"', 'damping="0.9" stiffness="47"'
     for name, old, new in (
         ("comments everywhere", "<worldbody>", "<!-- <worldbody> --><worldbody>"),
-        (
-            "another order of attributes",
-            'stiffness="47" damping="0.9"',
-            'damping="0.9" stiffness="47"',
-        ),
+        ("another order of attributes", *order),
         ("numbers written otherwise", '"47"', '"4.70e+1"'),
         ("a name with a space", 'name="block"', 'name="the block"'),
         ("a name in another script", 'name="block"', 'name="Tr\u00e4gheit"'),
@@ -263,7 +185,7 @@ def _right_entries() -> Iterator[CorpusEntry]:
         if "block" in old:
             renamed = new.partition('"')[2].rstrip('"')
             build = chain_builds(build, replace_text(_SIDECAR, ("body[block]", f"body[{renamed}]")))
-        yield CorpusEntry(name=f"right/{name}", build=build, codes=(0,))
+        yield right(f"right/{name}", build)
     for engine in ("pybullet", "mujoco"):
         rotor = chain_builds(
             write_file(_SYSTEM, _ROTOR),
@@ -272,13 +194,8 @@ def _right_entries() -> Iterator[CorpusEntry]:
                 '["pybullet", "mujoco"]', f'["{engine}"]').replace(
                 '[settings.mujoco]\nintegrator = "Euler"\n', "")),
         )  # fmt: skip
-        yield CorpusEntry(
-            name=f"right/products of inertia in {engine}",
-            build=rotor,
-            model="robot.urdf",
-            codes=(0,),
-        )
-    yield CorpusEntry(name="right/chaos", build=_write_chaotic_folder, codes=(0,), slow=True)
+        yield right(f"right/products of inertia in {engine}", rotor, model="robot.urdf")
+    yield right("right/chaos", _write_chaotic_folder, slow=True)
 
 
 def _write_chaotic_folder(workspace: Path) -> None:

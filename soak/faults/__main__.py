@@ -13,10 +13,9 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from fnmatch import fnmatchcase
 
+from soak import argument_parser, is_selected
 from soak.faults.models import model_faults
 from soak.faults.resources import resource_faults
 from soak.faults.sandbox import Fault, UndisturbedRun, sandbox, verdicts_by_case
@@ -28,9 +27,7 @@ def main() -> int:
     options = _options()
     # A shell starts background jobs with Ctrl-C ignored, and the runs would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    faults = [
-        fault for fault in all_faults(options.seeds) if _is_selected(fault.name, options.only)
-    ]
+    faults = [fault for fault in all_faults(options.seeds) if is_selected(fault.name, options.only)]
     began = time.monotonic()
     expected = run_undisturbed()
     with ThreadPoolExecutor(options.jobs) as threads:
@@ -41,21 +38,13 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m soak.faults",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = argument_parser("soak.faults", __doc__)
     parser.add_argument(
         "--only", action="append", default=[], metavar="PATTERN", help="select faults by name"
     )
     parser.add_argument("--seeds", type=int, default=5, help="random times of each signal (5)")
     parser.add_argument("--jobs", type=int, default=1, help="faults at a time (1)")
     return parser.parse_args()
-
-
-def _is_selected(name: str, patterns: Sequence[str]) -> bool:
-    return not patterns or any(fnmatchcase(name, p) for p in patterns)
 
 
 def all_faults(seeds: int) -> list[Fault]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
 
 from physics_crosscheck.harness.records.outcome import Outcome
 from soak.corpus.sound import write_sound_folder
@@ -39,37 +41,30 @@ def model_faults() -> Iterator[Fault]:
     """Yield a fault for each hostile code in `system.py` and in `space.py`."""
     for name in CODE:
         for file in ("system.py", "space.py"):
-            yield Fault(name=f"models/{file} {name}", check=_check_hostile_code(name, file))
+            yield Fault(
+                name=f"models/{file} {name}", check=partial(_check_hostile_code, name, file)
+            )
 
 
-def _check_hostile_code(name: str, file: str) -> Callable[[UndisturbedRun], list[str]]:
-    """Return a check of a folder with hostile code, next to a sound folder that must agree."""
-
-    def check(expected: UndisturbedRun) -> list[str]:
-        with sandbox(folders=1) as box:
-            odd = write_sound_folder(box.folder / "odd", "space.py")
-            _plant_code(odd / file, CODE[name])
-            result = box.run("--limit", "4", "--memory", "1")
-            wrong = [*output_problems(result), *box.leftovers()]
-            verdicts = verdicts_by_case(box.results())
-            for case, value in expected.verdicts_of("sound_0").items():
-                if verdicts.get(case) != value:
-                    wrong.append(f"next to it, {case[1]} is {verdicts.get(case)}")
-            outcomes = {
-                outcome for (folder, _), (outcome, _) in verdicts.items() if folder == "odd"
-            }
-            right = {Outcome.AGREES} if name in PASSES else {Outcome.FAILED}
-            if outcomes != right or result.code != (0 if name in PASSES else 3):
-                wrong.append(f"exit code {result.code}, {outcomes}: {result.output[-300:]!r}")
-            return wrong
-
-    return check
+def _check_hostile_code(name: str, file: str, expected: UndisturbedRun) -> list[str]:
+    """Check a folder with hostile code, next to a sound folder that must agree."""
+    with sandbox(folders=1) as box:
+        odd = write_sound_folder(box.folder / "odd", "space.py")
+        _plant_code(odd / file, CODE[name])
+        result = box.run("--limit", "4", "--memory", "1")
+        wrong = [*output_problems(result), *box.leftovers()]
+        verdicts = verdicts_by_case(box.results())
+        for case, value in expected.verdicts_of("sound_0").items():
+            if verdicts.get(case) != value:
+                wrong.append(f"next to it, {case[1]} is {verdicts.get(case)}")
+        outcomes = {outcome for (folder, _), (outcome, _) in verdicts.items() if folder == "odd"}
+        right = {Outcome.AGREES} if name in PASSES else {Outcome.FAILED}
+        if outcomes != right or result.code != (0 if name in PASSES else 3):
+            wrong.append(f"exit code {result.code}, {outcomes}: {result.output[-300:]!r}")
+        return wrong
 
 
-def _plant_code(path: object, code: str) -> None:
-    from pathlib import Path
-
-    file = Path(str(path))
+def _plant_code(file: Path, code: str) -> None:
     text = file.read_text("utf-8")
     if file.name == "space.py":
         mark = "    space = pymunk.Space()\n"

@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from soak.faults.sandbox import (
@@ -24,13 +25,15 @@ from soak.faults.sandbox import (
 def resource_faults() -> Iterator[Fault]:
     """Yield all faults of files, streams and simultaneous runs."""
     for size in (1, 4, 40, 400):
-        yield Fault(name=f"disk/files of {size} kB at most", check=_check_file_size_limit(size))
-        yield Fault(name=f"disk/a disk of {size} kB", check=_check_small_disk(size))
+        yield Fault(
+            name=f"disk/files of {size} kB at most", check=partial(_check_file_size_limit, size)
+        )
+        yield Fault(name=f"disk/a disk of {size} kB", check=partial(_check_small_disk, size))
     for name, out in _OUT.items():
-        yield Fault(name=f"disk/{name}", check=_check_unwritable(out))
+        yield Fault(name=f"disk/{name}", check=partial(_check_unwritable, out))
     yield Fault(name="disk/no folder for temporary files", check=_check_without_temporary_folder)
     for name, redirected in _STREAMS.items():
-        yield Fault(name=f"streams/{name}", check=_check_streams(redirected))
+        yield Fault(name=f"streams/{name}", check=partial(_check_streams, *redirected))
     yield Fault(name="two runs/at once in one folder", check=_check_simultaneous_runs)
     yield Fault(name="two runs/a second while the first is on", check=_check_second_run)
 
@@ -42,37 +45,29 @@ def _run_in_shell(box: Sandbox, script: str) -> ProcessResult:
     return box.wait(box.start(command))
 
 
-def _check_file_size_limit(size: int) -> Callable[[UndisturbedRun], list[str]]:
-    """Return a check with a file size limit in kB, so that writing fails as on a full disk."""
-
-    def check(expected: UndisturbedRun) -> list[str]:
-        with sandbox(folders=1) as box:
-            result = _run_in_shell(box, f"ulimit -f {size}; RUN")
-            return [*_failure_problems(result), *box.leftovers(), *_rerun_problems(box, expected)]
-
-    return check
+def _check_file_size_limit(size: int, expected: UndisturbedRun) -> list[str]:
+    """Check a run with a file size limit in kB, so that writing fails as on a full disk."""
+    with sandbox(folders=1) as box:
+        result = _run_in_shell(box, f"ulimit -f {size}; RUN")
+        return [*_failure_problems(result), *box.leftovers(), *_rerun_problems(box, expected)]
 
 
-def _check_small_disk(size: int) -> Callable[[UndisturbedRun], list[str]]:
-    """Return a check whose out folder is a file system of `size` kB.
+def _check_small_disk(size: int, expected: UndisturbedRun) -> list[str]:
+    """Check a run whose out folder is a file system of `size` kB.
 
     The check passes without a run if this user cannot mount file systems.
     """
-
-    def check(expected: UndisturbedRun) -> list[str]:
-        with sandbox(folders=1) as box:
-            box.out.mkdir()
-            mount = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "soak", str(box.out)]
-            if subprocess.run(mount, capture_output=True, check=False).returncode:
-                return []
-            try:
-                result = box.run()
-                wrong = [*_failure_problems(result), *box.leftovers()]
-            finally:
-                subprocess.run(["umount", "--lazy", str(box.out)], check=False)
-            return [*wrong, *_rerun_problems(box, expected)]
-
-    return check
+    with sandbox(folders=1) as box:
+        box.out.mkdir()
+        mount = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "soak", str(box.out)]
+        if subprocess.run(mount, capture_output=True, check=False).returncode:
+            return []
+        try:
+            result = box.run()
+            wrong = [*_failure_problems(result), *box.leftovers()]
+        finally:
+            subprocess.run(["umount", "--lazy", str(box.out)], check=False)
+        return [*wrong, *_rerun_problems(box, expected)]
 
 
 def _failure_problems(result: ProcessResult) -> list[str]:
@@ -129,27 +124,19 @@ def _link_results(folder: Path) -> Path:
     return folder
 
 
-def _check_unwritable(out: Callable[[Sandbox], Path]) -> Callable[[UndisturbedRun], list[str]]:
-    def check(expected: UndisturbedRun) -> list[str]:
-        with sandbox(folders=1) as box:
-            where = out(box)
-            try:
-                result = box.run("--out", str(where))
-            finally:
-                subprocess.run(["umount", "--lazy", str(where)], capture_output=True, check=False)
-            wrong = output_problems(result) + box.leftovers()
-            if result.code == 0 and _has_results(where):
-                return wrong
-            if result.code not in (2, 3) or str(where) not in result.stderr:
-                wrong.append(f"exit code {result.code}: {result.stderr[-300:]!r}")
+def _check_unwritable(out: Callable[[Sandbox], Path], _expected: UndisturbedRun) -> list[str]:
+    with sandbox(folders=1) as box:
+        where = out(box)
+        try:
+            result = box.run("--out", str(where))
+        finally:
+            subprocess.run(["umount", "--lazy", str(where)], capture_output=True, check=False)
+        wrong = output_problems(result) + box.leftovers()
+        if result.code == 0 and (where / "results.json").is_file():  # root may write there
             return wrong
-
-    return check
-
-
-def _has_results(folder: Path) -> bool:
-    """Return whether the run could write results, as root may."""
-    return (folder / "results.json").is_file()
+        if result.code not in (2, 3) or str(where) not in result.stderr:
+            wrong.append(f"exit code {result.code}: {result.stderr[-300:]!r}")
+        return wrong
 
 
 def _check_without_temporary_folder(expected: UndisturbedRun) -> list[str]:
@@ -178,19 +165,16 @@ _STREAMS = {
 """Shell script and its allowed exit codes."""
 
 
-def _check_streams(line: tuple[str, tuple[int, ...]]) -> Callable[[UndisturbedRun], list[str]]:
-    def check(expected: UndisturbedRun) -> list[str]:
-        with sandbox(folders=1) as box:
-            result = _run_in_shell(box, line[0])
-            wrong = [*output_problems(result), *box.leftovers()]
-            if result.code not in line[1]:
-                wrong.append(f"exit code {result.code}: {result.output[-300:]!r}")
-            verdicts = expected.verdicts_of("sound_0")
-            if "|" not in line[0] and verdicts_by_case(box.results()) != verdicts:
-                wrong.append("the results are not those of an undisturbed run")
-            return wrong
-
-    return check
+def _check_streams(script: str, codes: tuple[int, ...], expected: UndisturbedRun) -> list[str]:
+    with sandbox(folders=1) as box:
+        result = _run_in_shell(box, script)
+        wrong = [*output_problems(result), *box.leftovers()]
+        if result.code not in codes:
+            wrong.append(f"exit code {result.code}: {result.output[-300:]!r}")
+        verdicts = expected.verdicts_of("sound_0")
+        if "|" not in script and verdicts_by_case(box.results()) != verdicts:
+            wrong.append("the results are not those of an undisturbed run")
+        return wrong
 
 
 def _check_simultaneous_runs(expected: UndisturbedRun) -> list[str]:

@@ -16,6 +16,7 @@ import sys
 import time
 from pathlib import Path
 
+from soak import argument_parser
 from soak.fuzz.minimize import minimize
 from soak.fuzz.targets import TARGETS
 
@@ -42,29 +43,13 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m soak.fuzz",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=3600.0, help="total time in seconds (3600)"
-    )
+    parser = argument_parser("soak.fuzz", __doc__)
+    parser.add_argument("--seconds", type=float, default=3600.0, help="total time (3600)")
     parser.add_argument("--rounds", type=int, default=4, help="rounds of all parsers (4)")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports/fuzz"),
-        metavar="DIR",
-        help="folder for inputs and finds (reports/fuzz)",
-    )
-    parser.add_argument(
-        "--only",
-        action="append",
-        choices=sorted(TARGETS),
-        metavar="NAME",
-        help="fuzz only this parser",
-    )
+    out = Path("reports/fuzz")
+    parser.add_argument("--out", type=Path, default=out, help=f"inputs and finds ({out})")
+    names = sorted(TARGETS)
+    parser.add_argument("--only", action="append", choices=names, help="fuzz only this parser")
     return parser.parse_args()
 
 

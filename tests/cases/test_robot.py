@@ -170,7 +170,8 @@ def test_unsupported_format_is_refused_with_a_remedy(tmp_path: Path) -> None:
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
     assert (
-        "arm.py: only .urdf, .sdf and .xml run without a folder; name one of these" in done.stderr
+        "arm.py: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run without a folder; name one of these"
+        in done.stderr
     )
     assert "Traceback" not in done.stderr
 
@@ -216,7 +217,7 @@ def test_missing_file_is_reported_and_other_files_run(tmp_path: Path) -> None:
     done = crosscheck(tmp_path, *names, "--engine", "mujoco")
     assert done.returncode == 3
     assert (
-        "crosscheck: arm.skel: only .urdf, .sdf and .xml run without a folder; name one of"
+        "crosscheck: arm.skel: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run without a folder; name one of"
         in done.stderr
     )
     assert done.stderr.endswith("skipped unknown targets: missing.urdf, arm.skel\n")

@@ -8,6 +8,7 @@ import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.modelfiles.readers import robot_system
 from physics_crosscheck.harness.modelfiles.usd import read
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
@@ -180,3 +181,13 @@ def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
     assert any("inertias that Newton enlarges (lower)" in one for one in point.corrective_settings)
     with pytest.raises(EngineError, match="converts no units"):
         usd(tmp_path, edited(("metersPerUnit = 1", "metersPerUnit = 0.01")))
+
+
+def test_a_mass_below_the_precision_of_motions_differs_by_the_equations(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usd(tmp_path, edited())
+    (tmp_path / "b.usda").write_text(edited(("physics:mass = 1.5", "physics:mass = 1.5003")))
+    files = [str(tmp_path / name) for name in ("arm.usda", "b.usda")]
+    assert main(["compare", *files, "--out", str(tmp_path / "out")]) == 1
+    assert "mass of link upper: 1.5" in capsys.readouterr().out

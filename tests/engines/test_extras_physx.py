@@ -1,6 +1,5 @@
 """How PhysX reads USD, and its drives in substeps, as listed in `docs/engines/physx.md`."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,8 @@ HINGE = """def PhysicsRevoluteJoint "{1}"
     float newton:armature = 0.02
 }}
 """
-ANCHOR = 'def PhysicsFixedJoint "anchor"\n{\n    rel physics:body1 = </r/base>\n}\n'
+COUNT = "    int physxArticulation:solverPositionIterationCount = 4\n"
+APIS = '"PhysicsArticulationRootAPI", "PhysxArticulationAPI"'
 HEAD = """#usda 1.0
 (
     metersPerUnit = 1
@@ -47,57 +47,62 @@ HEAD = """#usda 1.0
 def PhysicsScene "scene"
 {
 }
-def Xform "r" (prepend apiSchemas = ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
+def PhysicsFixedJoint "anchor"
 {
-    int physxArticulation:solverPositionIterationCount = 4
+    rel physics:body1 = </r/base>
+}
 """
 JOINTS = (("base", "a", "Y"), ("a_link", "b", "X"), ("a_link", "c", "Z"), ("b_link", "d", "Y"))
-TREE = HEAD + BODY.format("base", 2) + ANCHOR
+TREE = f'{HEAD}def Xform "r" (prepend apiSchemas = [{APIS}])\n{{\n{COUNT}' + BODY.format("base", 2)
 TREE += "".join(BODY.format(f"{one[1]}_link", 0.5 + k / 4) for k, one in enumerate(JOINTS))
 TREE += "".join(HINGE.format(*one) for one in JOINTS) + "}\n"
 """A fixed base and four hinges with drives: d is below b, whose sibling is c."""
 
-COUNT = "    int physxArticulation:solverPositionIterationCount = 4\n"
-APIS = '"PhysicsArticulationRootAPI", "PhysxArticulationAPI"'
-ON_BODY = TREE.replace(f" (prepend apiSchemas = [{APIS}])", "").replace(COUNT, "")
-ON_BODY = ON_BODY.replace(
-    '"base" (prepend apiSchemas = [', f'"base" (prepend apiSchemas = [{APIS}, '
+ON_BODY = (
+    (f" (prepend apiSchemas = [{APIS}])", ""), (COUNT, ""),
+    ('"base" (prepend apiSchemas = [', f'"base" (prepend apiSchemas = [{APIS}, '),
+    ("    float physics:mass = 2", f"{COUNT}    float physics:mass = 2"),
+)  # fmt: skip
+"""Edits that place the articulation root on the body of the base."""
+
+SLIDES = ("RevoluteJoint", "PrismaticJoint"), (":angular", ":linear")
+STATED = (
+    ('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]'),
+    (
+        "    float physics:mass",
+        "    float physxRigidBody:angularDamping = 0\n    float physics:mass",
+    ),
 )
-ON_BODY = ON_BODY.replace("    float physics:mass = 2", COUNT + "    float physics:mass = 2")
-"""The same with the articulation root on the body of the base."""
 
 
-def load(
-    text: str, folder: Path, name: str = "r.usda", settings: Mapping[str, object] | None = None
-) -> LoadedModel:
+def load(folder: Path, *edits: tuple[str, str], **settings: object) -> LoadedModel:
     need("physx")
-    path = written(folder, name, text)
-    return engines()["physx"].load(ModelSpec(path, settings={"smooth": True, **(settings or {})}))
+    name = f"r{len(list(folder.iterdir()))}.usda"  # PhysX reads a path once
+    path = written(folder, name, TREE, *edits)
+    return engines()["physx"].load(ModelSpec(path, settings={"smooth": True, **settings}))
 
 
 @pytest.mark.parametrize("edits", [
-    {},
-    {"upAxis": "kilogramsPerUnit = 1000\n    upAxis"},
-    {"Count = 4": "Count = 32"},
-    {"rel physics:body0 = </r/b_link>\n    rel physics:body1 = </r/d_link>\n"
-     "    point3f physics:localPos0":
-     "rel physics:body0 = </r/d_link>\n    rel physics:body1 = </r/b_link>\n"
-     "    point3f physics:localPos1"},
+    (),
+    [("upAxis", "kilogramsPerUnit = 1000\n    upAxis")],
+    [("Count = 4", "Count = 32")],
+    [("rel physics:body0 = </r/b_link>\n    rel physics:body1 = </r/d_link>\n"
+      "    point3f physics:localPos0",
+      "rel physics:body0 = </r/d_link>\n    rel physics:body1 = </r/b_link>\n"
+      "    point3f physics:localPos1")],
 ], ids=["tree", "tonnes", "iterations", "turned"])  # fmt: skip
 def test_next_states_and_accelerations_match_the_equations(
-    edits: Mapping[str, str], tmp_path: Path
+    edits: list[tuple[str, str]], tmp_path: Path
 ) -> None:
     """Include drives, whose order shows in the fourth digit of a step at four iterations."""
     need("physx")
-    robot = prepare_tree(written(tmp_path, "r.usda", TREE, *edits.items()), states=8)
+    robot = prepare_tree(written(tmp_path, "r.usda", TREE, *edits), states=8)
     model, coordinates = model_task(robot, "physx").load()
     bodies, drawn = SteppedBodies(robot.tree), robot.samples
-    stepped = step_engine(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
-    assert stepped is not None
-    assert stepped.judgement.largest_discrepancy < 5e-5
-    dynamics = forward_dynamics(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
-    assert dynamics is not None
-    assert dynamics.judgement.largest_discrepancy < 1e-5
+    for compare, largest in ((step_engine, 5e-5), (forward_dynamics, 1e-5)):
+        result = compare(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
+        assert result is not None
+        assert result.judgement.largest_discrepancy < largest
 
 
 def motion(model: LoadedModel, h: float = 1e-3, n: int = 1, speed: float = 1.0) -> np.ndarray:
@@ -108,81 +113,68 @@ def motion(model: LoadedModel, h: float = 1e-3, n: int = 1, speed: float = 1.0) 
 
 
 def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path: Path) -> None:
-    right, freed = load(TREE, tmp_path), load(ON_BODY, tmp_path, "freed.usda")
+    right, freed = load(tmp_path), load(tmp_path, *ON_BODY)
     ((cause, remedy),) = freed.corrective_settings.items()
     assert "articulation root" in cause
     assert right.corrective_settings == {}
     assert freed.coordinates == right.coordinates
     still = freed.home[None]
     assert freed.accelerations(still, 0 * still, 0 * still) is None
-    moved = load(ON_BODY, tmp_path, "moved.usda", remedy)
+    moved = load(tmp_path, *ON_BODY, **remedy)
     assert moved.corrective_settings == {}
     assert np.array_equal(motion(moved), motion(right))
     assert not np.array_equal(motion(freed), motion(right))
 
 
-@pytest.mark.parametrize(("setting", "value", "speed"), [
-    ("angular_damping", 0.05, 1.0), ("bounded_speeds", True, 150.0),
+@pytest.mark.parametrize(("setting", "value", "speed", "edits"), [
+    ("angular_damping", 0.05, 1.0, ()), ("angular_damping", 0.05, 1.0, STATED),
+    ("bounded_speeds", True, 150.0, ()),
 ])  # fmt: skip
-def test_own_effects_act_only_on_request(
-    setting: str, value: object, speed: float, tmp_path: Path
+def test_own_effects_act_only_on_request_where_the_file_states_none(
+    setting: str, value: float, speed: float, edits: tuple[tuple[str, str]], tmp_path: Path
 ) -> None:
-    quiet, active = load(TREE, tmp_path), load(TREE, tmp_path, settings={setting: value})
+    quiet, active = load(tmp_path), load(tmp_path, *edits, **{setting: value})
     assert quiet.corrective_settings == {}
     ((_, remedy),) = active.corrective_settings.items()
-    assert remedy == {setting: type(value)(0)}  # type: ignore[call-arg]
-    assert not np.allclose(motion(active, speed=speed), motion(quiet, speed=speed), rtol=1e-5)
-    stated = TREE.replace('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]').replace(
-        "    float physics:mass",
-        "    float physxRigidBody:angularDamping = 0\n    float physics:mass",
-    )
-    if setting == "angular_damping":
-        kept = load(stated, tmp_path, "stated.usda", {setting: value})
-        assert np.array_equal(motion(kept), motion(quiet))
+    assert remedy == {setting: type(value)(0)}
+    difference = np.abs(motion(active, speed=speed) / motion(quiet, speed=speed) - 1).max()
+    assert difference == 0 if edits else difference > 1e-5
 
 
 def test_slow_articulations_stay_awake(tmp_path: Path) -> None:
-    text = TREE.replace('"scene"\n{', '"scene"\n{\n    float physics:gravityMagnitude = 0')
-    for number in ("stiffness = 5", "physics:damping = 0.1", "newton:damping = 0.01"):
-        text = text.replace(number, number.split("=")[0] + "= 0")
-    v = motion(load(text, tmp_path), h=0.1, n=20, speed=1e-3)
+    still = [("stiffness = 5", "stiffness = 0"), ("amping = 0.", "amping = 0.0000")]
+    gravity = '"scene"\n{', '"scene"\n{\n    float physics:gravityMagnitude = 0'
+    v = motion(load(tmp_path, gravity, *still), h=0.1, n=20, speed=1e-3)
     assert np.abs(v).min() > 1e-4
 
 
 def test_units_are_those_of_the_stage(tmp_path: Path) -> None:
-    slide = TREE.replace("RevoluteJoint", "PrismaticJoint").replace(":angular", ":linear")
-    meters = load(slide, tmp_path)
+    meters = load(tmp_path, *SLIDES)
     gravity, wanted = meters.gravity, motion(meters)
     del meters  # PhysX holds stages of one unit at a time
-    text = slide.replace("metersPerUnit = 1", "metersPerUnit = 0.1")
-    for name, size in (("Pos0", "(1, 0.5, -2)"), ("OfMass", "(0.5, -0.3, -1)")):
-        before = "(0.1, 0.05, -0.2)" if name == "Pos0" else "(0.05, -0.03, -0.1)"
-        text = text.replace(f"{name} = {before}", f"{name} = {size}")
-    text = text.replace("(0.02, 0.015, 0.01)", "(2, 1.5, 1)").replace(
-        "Position = 10", "Position = 100"
-    )
-    tenths = load(text, tmp_path, "tenths.usda")
+    tenths = load(
+        tmp_path, *SLIDES, ("metersPerUnit = 1", "metersPerUnit = 0.1"),
+        ("(0.1, 0.05, -0.2)", "(1, 0.5, -2)"), ("(0.05, -0.03, -0.1)", "(0.5, -0.3, -1)"),
+        ("(0.02, 0.015, 0.01)", "(2, 1.5, 1)"), ("Position = 10", "Position = 100"),
+    )  # fmt: skip
     assert tenths.gravity == pytest.approx(gravity)
     np.testing.assert_allclose(motion(tenths), wanted, rtol=1e-5)
     with pytest.raises(EngineError, match="stages of one metersPerUnit at a time"):
-        load(slide, tmp_path)
+        load(tmp_path, *SLIDES)
 
 
 def test_limits_and_held_joints(tmp_path: Path) -> None:
-    limited = TREE.replace(
-        'axis = "X"',
-        'axis = "X"\n    float physics:upperLimit = 30\n    float physics:lowerLimit = -30',
-    )
-    assert np.isinf(load(limited, tmp_path).limits).all()
-    model = load(limited, tmp_path, settings={"smooth": False})
+    lower, upper = (f"    float physics:{one}" for one in ("lowerLimit = -30", "upperLimit = 30"))
+    limited = 'axis = "X"', f'axis = "X"\n{lower}\n{upper}'
+    assert np.isinf(load(tmp_path, limited).limits).all()
+    model = load(tmp_path, limited, smooth=False)
     row = model.coordinates.index("b")
     assert model.limits[row] == pytest.approx([-np.pi / 6, np.pi / 6])
     assert np.isinf(np.delete(model.limits, row, axis=0)).all()
     z = model.home[None] + 0.5
     assert model.rollout(z, 3 + 0 * z, 0.01, 10, None, 1)[0][0, :, row].max() < np.pi / 6 + 1e-4
-    assert load(TREE, tmp_path, settings={"held": ["d"]}).coordinates == tuple(
-        name for name in load(TREE, tmp_path).coordinates if name != "d"
-    )
+    others = tuple(name for name in model.coordinates if name != "d")
+    assert load(tmp_path, held=["d"]).coordinates == others
 
 
 @pytest.mark.parametrize(("edit", "problem"), [
@@ -194,12 +186,11 @@ def test_files_that_it_cannot_run_are_refused(
     edit: tuple[str, str], problem: str, tmp_path: Path
 ) -> None:
     with pytest.raises(EngineError, match=problem):
-        load(TREE.replace(*edit), tmp_path)
+        load(tmp_path, edit)
 
 
 def test_assumed_mass_and_moments_are_remarks(tmp_path: Path) -> None:
-    text = TREE.replace("(0.02, 0.015, 0.01)", "(0, 0, 0)", 1)
-    model = load(text.replace("physics:mass = 2", "physics:mass = 0"), tmp_path)
+    model = load(tmp_path, ("(0.02, 0.015, 0.01)", "(0, 0, 0)"), ("mass = 2", "mass = 0"))
     still = model.home[None]
     messages = " ".join(one.message for one in model.remarks(still, 0 * still))
     assert "PhysX gives base 1 kg" in messages

@@ -85,7 +85,7 @@ def test_commands_of_the_page_on_folders_work(cache: CommandCache, tmp_path: Pat
 PAGES = [
     *sorted(f"docs/get-started/{path.name}" for path in (ROOT / "docs/get-started").glob("*.md")),
     *sorted(f"docs/how-to/{path.name}" for path in (ROOT / "docs/how-to").glob("*.md")),
-    *("docs/cases.md", "docs/compare.md", "docs/gate.md", "docs/robots.md"),
+    *("docs/cases.md", "docs/compare.md", "docs/gate.md", "docs/robots.md", "docs/scope.md"),
 ]
 
 
@@ -112,14 +112,19 @@ def test_most_commands_are_run(document: str) -> None:
     assert len(run) >= min_run
 
 
-def test_how_to_pages_have_command_meaning_and_remedy() -> None:
+def test_how_to_questions_have_command_meaning_and_remedy() -> None:
+    """Check that a page answers its title, or each `## question?` in a section of its own."""
     pages = [page for page in PAGES if page.startswith("docs/how-to/") and "index" not in page]
-    assert len(pages) >= 12
+    questions = 0
     for page in pages:
-        text = (ROOT / page).read_text()
-        assert commands(text)[0], page
-        headings = [line for line in text.splitlines() if line.startswith("## ")]
-        assert headings == ["## Meaning", "## Remedy"], page
+        first, *sections = re.split(r"^(?=## .*\?$)", (ROOT / page).read_text(), flags=re.M)
+        for text in sections or [first]:
+            mark = "### " if sections else "## "
+            headings = [line for line in text.splitlines() if line.startswith(mark)]
+            assert headings == [f"{mark}Meaning", f"{mark}Remedy"], text
+            assert any(commands(text)), text
+            questions += 1
+    assert questions >= 12
 
 
 def test_readme_is_short() -> None:

@@ -24,7 +24,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 
 EPSILON = float(np.finfo(float).eps)
 
-DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
+DECISIONS = Path(__file__).parents[2] / "docs" / "decisions.md"
 
 UNIT = np.ones(1)
 
@@ -63,7 +63,7 @@ def test_comment_quotes_the_sums_of_the_weights() -> None:
 
 
 def test_decision_for_the_rungs_quotes_the_sums_of_their_weights() -> None:
-    text = " ".join((DECISIONS / "0002-prime-rungs.md").read_text().split())
+    text = " ".join(DECISIONS.read_text().split())
     ((consecutive, below),) = re.findall(r"of 1 to 8 add up to (\d+) .* stay below (\d+)\.", text)
     ours, plain = (
         float(sum(map(abs, exact_weights(rungs, 1, 1)))) for rungs in (RUNGS, tuple(range(1, 9)))

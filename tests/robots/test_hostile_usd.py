@@ -46,6 +46,7 @@ GROWS = "".join((LEVEL + "}}\n").format(i, *[i + 1] * 10) for i in range(9)) + '
 TEXTS = {
     "payload": ('def "a" (\n payload = @../o.usda@\n) { }', "arm.usda:3: refused: it names '../o."),
     "circle": ('def "a" (\n references = </a> ) { }', NO_LAYER),
+    "units": ("(\n metersPerUnit = 0 )", "arm.usda: metersPerUnit is 0, and kilogramsPerUnit 1"),
     "growth": (GROWS, "arm.usda: refused: /l0 has more than 1000000 prims"),
     "bytes": ('def "a" { string x = "\xff" }', "not a USD layer: it has bytes that are not UTF-8"),
 }  # fmt: skip

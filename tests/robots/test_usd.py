@@ -280,3 +280,10 @@ def test_variants_are_selected_and_named(tmp_path: Path) -> None:
     assert changed.links[0].armature == 1.0
     wrong = read(tmp_path / "sized.usda", {"variants": {"size": "huge"}})
     assert "it has large, small" in str(wrong.obstacles[0])
+
+
+def test_each_number_has_a_size_so_that_coverage_can_change_it(tmp_path: Path) -> None:
+    read_usd(tmp_path, edited(("(0, 0, 0.05)", "(0, 0, 0)"), ("Position = 20", "Position = 0")))
+    rows = numbers(tmp_path / "arm.usda", {}).numerals
+    assert {one.value for one in rows} >= {0.0}
+    assert min(one.scale for one in rows) > 0

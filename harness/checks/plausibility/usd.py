@@ -1,7 +1,7 @@
 """Advice about a USD stage: what engines read in different ways, or not at all.
 
-Units and fallbacks are those of the schemas UsdPhysics, Newton (`newton:`), MuJoCo (`mjc:`) and
-PhysX (`physx*:`). A value that no layer states has a fallback that means something.
+Units and fallbacks are those of the schemas of UsdPhysics, and of the namespaces `newton:`, `mjc:`
+and `physx*:`. A value that no layer states has a fallback that means something.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.errors import quote
 from physics_crosscheck.harness.documents.usd import UsdStage
+from physics_crosscheck.harness.modelfiles.usd.masses import rotation_of
+from physics_crosscheck.harness.modelfiles.usd.read import StageTree, UsdJoint
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
+from physics_crosscheck.harness.records.finding import PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
-from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place, from_quaternion
 from ..findings import finding
+from .facts import Advice
 
 DEGREE, NAMED = math.pi / 180, 3
 """rad; most joints, shapes or bodies that a message names."""
@@ -32,10 +34,6 @@ MAX_GAP, MAX_TURN = 1e-4, 1e-3
 
 SATURATED = 2.0
 """Degrees at which a drive reaches its largest force, below which its gain may be per radian."""
-
-HINGE, SLIDE, FIXED, BALL = (f"Physics{one}Joint" for one in (
-    "Revolute", "Prismatic", "Fixed", "Spherical",
-))  # fmt: skip
 
 QUATERNIONS = ("quatf", "quatd", "quath")
 
@@ -53,19 +51,11 @@ STATED: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 """Attributes of a joint that state one quantity, with a hinge's factor to SI units in radians."""
 
-UsdAdvice = Iterator[tuple[float, AuditFinding]]
-
-
-class _StageJoint(NamedTuple):
-    """A joint, its type, and the prims that it connects; None for the world."""
-
-    prim: Any
-    kind: str
-    bodies: tuple[Any, Any]
+UsdAdvice = Iterator[Advice]
 
 
 class _Statement(NamedTuple):
-    """A quantity as an attribute states it, and the factor of its value to SI units."""
+    """A quantity as an attribute states it, and the factor to SI units."""
 
     prim: Any
     name: str
@@ -77,40 +67,23 @@ class StageFacts:
     """The prims of a stage by their roles."""
 
     def __init__(self, stage: UsdStage) -> None:
-        self.stage = stage
+        self.stage, self.joints = stage, StageTree(stage).all_joints
         self.bodies = [*stage.bodies.values()]
         self.colliders = [one for one in stage.prims if _has(one, "PhysicsCollisionAPI")]
-
-    @cached_property
-    def joints(self) -> tuple[_StageJoint, ...]:
-        """Joints of all types."""
-        return tuple(
-            _StageJoint(prim, str(prim.GetTypeName()), (self._end(prim, 0), self._end(prim, 1)))
-            for prim in self.stage.joints.values()
-        )
-
-    def _end(self, prim: Any, end: int) -> Any:
-        paths = self.stage.targets(prim, f"physics:body{end}")
-        return (self.stage.stage.GetPrimAtPath(paths[0]) or None) if paths else None
-
-    @cached_property
-    def with_shapes(self) -> frozenset[Any]:
-        """Rigid bodies with colliders."""
-        return frozenset(map(self.stage.body_above, self.colliders))
 
     @cached_property
     def _actuators(self) -> Mapping[Any, Any]:
         prims = (one for one in self.stage.prims if one.HasRelationship("mjc:target"))
         return {path: one for one in prims for path in self.stage.targets(one, "mjc:target")}
 
-    def statements(self, joint: _StageJoint, quantity: str) -> list[_Statement]:
+    def statements(self, joint: UsdJoint, quantity: str) -> list[_Statement]:
         """Return the attributes that state a quantity of a joint; inf states none."""
         names = [(joint.prim, name, factor) for name, factor in STATED[quantity].items()]
         if quantity == FORCE and joint.prim.GetPath() in self._actuators:
             names.append((self._actuators[joint.prim.GetPath()], "mjc:forceRange:max", 1.0))
         values = ((prim, name, self.stage.stated(prim, name), one) for prim, name, one in names)
         return [
-            _Statement(prim, name, value, factor if joint.kind == HINGE else 1.0)
+            _Statement(prim, name, value, factor if joint.kind == "hinge" else 1.0)
             for prim, name, value, factor in values
             if isinstance(value, float) and math.isfinite(value)
         ]
@@ -118,7 +91,7 @@ class StageFacts:
     def advice(
         self, kind: PlausibilityKind, prims: Sequence[Any], message: str, name: str = "",
         expected: float | None = None, actual: float | None = None, excess: float = 1.0,
-    ) -> tuple[float, AuditFinding]:  # fmt: skip
+    ) -> Advice:  # fmt: skip
         """Return advice about prims, at a property of the first one."""
         names = (*(str(prim.GetPath()) for prim in prims), *([name] if name else []))
         return excess, finding(
@@ -139,10 +112,9 @@ def _has(prim: Any, schema: str) -> bool:
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
-        first, second = joint.bodies
-        body = first if facts.stage.body_above(second) is None else second
-        is_held = joint.kind == FIXED and None in map(facts.stage.body_above, joint.bodies)
-        if is_held and body is not None and _has(body, "PhysicsArticulationRootAPI"):
+        bodies = [facts.stage.bodies[end] for end in joint.ends if end]
+        is_held = joint.kind == "fixed" and len(bodies) == 1
+        if is_held and _has(body := bodies[0], "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
                 f"{joint.prim.GetPath()} fixes to the world: engines simulate a free base and an "
@@ -153,21 +125,21 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
 
 def unset_masses(facts: StageFacts) -> UsdAdvice:
     """Yield moving bodies with the mass 0, or without shapes that give what is not stated."""
-    moved = {facts.stage.body_above(body) for joint in facts.joints for body in joint.bodies}
-    for body in (one for one in facts.bodies if one in moved):
+    moved = {end for joint in facts.joints for end in joint.ends}
+    solid = set(map(facts.stage.body_of, facts.colliders))
+    for body in (one for name, one in facts.stage.bodies.items() if name in moved):
         mass, moments, tensor = (
             facts.stage.stated(body, one) for one in ("physics:mass", MOMENTS, "newton:inertia")
         )
-        shapes = body in facts.with_shapes
+        how = "hold it, refuse the file"
         if mass == 0:
             what = "the mass 0, which means that it is not stated"
-        elif not shapes and not mass:
-            what = "neither a mass nor a shape"
-        elif not shapes and not any(moments or ()) and not tensor:
-            what = "a mass, but neither moments of inertia nor a shape"
-        else:
+            how = "compute it from the density of its shapes" if body in solid else how
+        elif body in solid or (mass and (any(moments or ()) or tensor)):
             continue
-        how = "compute it from the density of its shapes" if shapes else "hold it, refuse the file"
+        else:
+            what = "a mass, but neither moments of inertia" if mass else "neither a mass"
+            what += " nor a shape"
         message = (
             f"body {quote(body.GetName())} has {what}: engines {how}, or invent numbers, such as"
             " 1 kg. State physics:mass and physics:diagonalInertia, or join it to its parent"
@@ -182,7 +154,7 @@ def gain_units(facts: StageFacts) -> UsdAdvice:
     for joint in facts.joints:
         gain, force, damping = (facts.stage.stated(joint.prim, name) or 0.0 for name in names)
         is_written = all(f"{one:.6g}" == f"{float(f'{one:.3g}'):.6g}" for one in (gain, damping))
-        if joint.kind == HINGE and is_written and 0 < force < SATURATED * gain:
+        if joint.kind == "hinge" and is_written and 0 < force < SATURATED * gain:
             message = (
                 f"the drive of {quote(joint.prim.GetName())} has the stiffness {gain:g} per degree,"
                 f" {gain / DEGREE:.5g} N m/rad, and reaches its largest force, {force:g} N m, at "
@@ -211,14 +183,14 @@ def _clash(facts: StageFacts, quantity: str, first: _Statement, other: _Statemen
     if math.isclose(here, there, rel_tol=SAME_FLOAT):
         return
     per = f" ({first.value:g} per degree)" if first.factor > 1 else ""
+    expected = there / first.factor
     message = (
         f"the {quantity} of {quote(first.prim.GetName())} is {here:.6g}{per} by {first.name} and "
         f"{there:.6g} by {other.name} in {facts.line(other.prim, other.name)}: each engine reads "
-        f"one of them. Write {there / first.factor:.6g} for the first, or {here / other.factor:.6g}"
-        " for the second"
+        f"one of them. Write {expected:.6g} for the first, or {here / other.factor:.6g} for the "
+        "second"
     )
     excess = abs(math.log(abs(here or 1e-9) / abs(there or 1e-9)))
-    expected = there / first.factor
     yield facts.advice(
         "clashing values", [first.prim], message, first.name, expected, first.value, excess
     )
@@ -228,8 +200,7 @@ def _clashing_inertia(facts: StageFacts, body: Any) -> UsdAdvice:
     tensor, moments = facts.stage.stated(body, "newton:inertia"), facts.stage.stated(body, MOMENTS)
     if not isinstance(tensor, tuple) or len(tensor) != 6 or not any(moments or ()):
         return
-    axes = np.array(facts.stage.value(body, "physics:principalAxes", (0.0, 0.0, 0.0, 0.0)))
-    turn = from_quaternion(axes) if any(axes) else np.eye(3)
+    turn = rotation_of(facts.stage.value(body, "physics:principalAxes", (0.0,) * 4))
     stated = (turn @ np.diag(moments) @ turn.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     apart = np.abs(stated - tensor)
     worst, share = int(np.argmax(apart)), float(apart.max() / max(map(abs, tensor)))
@@ -281,14 +252,15 @@ def quaternions(facts: StageFacts) -> UsdAdvice:
 def joint_frames(facts: StageFacts) -> UsdAdvice:
     """Yield joints whose two frames do not meet as drawn."""
     for joint in facts.joints:
-        if joint.kind not in (HINGE, SLIDE, FIXED, BALL) or joint.bodies == (None, None):
-            continue
-        first, second = _joint_frame(facts, joint, 0), _joint_frame(facts, joint, 1)
-        axis = np.eye(3)["XYZ".find(str(facts.stage.value(joint.prim, "physics:axis", "X")))]
+        first, second = (
+            frame if end is None else facts.stage.world(facts.stage.bodies[end])[0].compose(frame)
+            for end, frame in zip(joint.ends, joint.frames, strict=True)
+        )  # fmt: skip
+        axis = np.eye(3)[joint.axis]
         apart = first.rotation.T @ (second.origin - first.origin)
-        apart = apart - (axis @ apart) * axis if joint.kind == SLIDE else apart
+        apart = apart - (axis @ apart) * axis if joint.kind == "slide" else apart
         relative = first.rotation.T @ second.rotation
-        still = np.diag(axis if joint.kind == HINGE else np.full(3, float(joint.kind != BALL)))
+        still = np.diag(axis if joint.kind == "hinge" else np.full(3, float(joint.kind != "ball")))
         # The sine of half the angle between the axes that the joint holds.
         turn = 2 * math.asin(min(1.0, float(np.linalg.norm((relative - np.eye(3)) @ still, 2)) / 2))
         gap = float(np.linalg.norm(apart))
@@ -303,16 +275,6 @@ def joint_frames(facts: StageFacts) -> UsdAdvice:
             name = "physics:localPos0" if is_gap else "physics:localRot0"
             actual = gap if is_gap else turn
             yield facts.advice("joint frames", [joint.prim], message, name, 0.0, actual, excess)
-
-
-def _joint_frame(facts: StageFacts, joint: _StageJoint, end: int) -> Place:
-    """Return the frame of a joint on one of its bodies, in the world, m."""
-    body = joint.bodies[end]
-    origin = facts.stage.value(joint.prim, f"physics:localPos{end}", (0.0, 0.0, 0.0))
-    axes = facts.stage.value(joint.prim, f"physics:localRot{end}", (1.0, 0.0, 0.0, 0.0))
-    there, scale = (IDENTITY, np.ones(3)) if body is None else facts.stage.world(body)
-    turn = from_quaternion(np.array(axes)) if any(axes) else np.eye(3)
-    return there.compose(Place(turn, np.array(origin) * scale * facts.stage.unit))
 
 
 def unset_frictions(facts: StageFacts) -> UsdAdvice:
@@ -363,21 +325,22 @@ def scaled_bodies(facts: StageFacts) -> UsdAdvice:
 
 def limits_like_radians(facts: StageFacts) -> UsdAdvice:
     """Yield limits of hinges, in degrees, of a file that states them like radians."""
-    limits: dict[Any, float] = {}
+    limits: dict[UsdJoint, float] = {}
     for joint in facts.joints:
-        ends = [facts.stage.stated(joint.prim, f"physics:{one}Limit") for one in ("lower", "upper")]
-        if joint.kind == HINGE and None not in ends and all(map(math.isfinite, ends)):
-            limits[joint.prim] = max(map(abs, ends))
+        ends = [facts.stage.stated(joint.prim, name) for name in joint.limit if name]
+        if joint.kind == "hinge" and None not in ends and all(map(math.isfinite, ends)):
+            limits[joint] = max(map(abs, ends))
     parts = [value / (math.pi / 12) for value in limits.values()]
     is_like_radians = any(part > 1 and abs(part - round(part)) < 2e-3 for part in parts)
     if is_like_radians and max(limits.values()) <= 2 * math.pi + 0.01:
-        for prim, value in limits.items():
+        for joint, value in limits.items():
             message = (
-                f"joint {quote(prim.GetName())} has limits up to {value:g} degrees, like radians: "
-                f"as radians they are {value / DEGREE:.4g} degrees. Write degrees"
+                f"joint {quote(joint.prim.GetName())} has limits up to {value:g} degrees, like "
+                f"radians: as radians they are {value / DEGREE:.4g} degrees. Write degrees"
             )
-            name = "physics:upperLimit"
-            yield facts.advice("implausible limit", [prim], message, name, value / DEGREE, value)
+            yield facts.advice(
+                "implausible limit", [joint.prim], message, joint.limit[1], value / DEGREE, value
+            )
 
 
 JUDGES: Sequence[Callable[[StageFacts], UsdAdvice]] = (

@@ -425,7 +425,10 @@ def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComp
     files = compare_files(executor, prepared, start.home, _runs_of_a(recorded, match))
     files = replace(files, properties=(*prepared.locked, *files.properties))
     judgement = plain.judgement
-    if judgement.outcome is Outcome.UNRESOLVED and files.sides is not None:
+    agrees_coarsely = (
+        judgement.outcome is Outcome.AGREES and judgement.verdict.resolution > options.resolution
+    )
+    if (judgement.outcome is Outcome.UNRESOLVED or agrees_coarsely) and files.sides is not None:
         sides = prepared.source_first(files.sides)
         judgement = judged_by_equations(sides, match, recorded, judgement, options.resolution)
     turned = plain = replace(plain, judgement=judgement)

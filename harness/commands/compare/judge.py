@@ -219,7 +219,7 @@ def judged_by_equations(
     judgement: Judgement,
     resolution: float,
 ) -> Judgement:
-    """Judge by accelerations of both files' equations where motions are not resolved.
+    """Judge by accelerations of both files' equations where motions are not resolved finely.
 
     The uncertainty is their change with the last digit of the states. Return the judgement
     unchanged if the equations can't decide: they don't show what two engines do to one file.
@@ -244,7 +244,8 @@ def judged_by_equations(
     largest, uncertainty = float(defect[run, place]), float(np.max(doubt))
     differ = largest > resolution + uncertainty
     a, b = (side.facts.candidate for side in sides)
-    if not differ and (uncertainty > resolution or a.engine != b.engine):
+    is_settled = judgement.outcome is Outcome.AGREES or a.engine != b.engine
+    if not differ and (uncertainty > resolution or is_settled):
         return judgement
     text = f"by the equations of both files, accelerations of {match.names[place]} differ by"
     verdict = replace(

@@ -4,6 +4,7 @@ The equations give the effect of a number on the ends of segments, and the laws 
 so only numbers that affect one of them, or the place of a shape, are run.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -102,7 +103,7 @@ def _changed(name: str, place: str, group: Group, values: Mapping[int, float]) -
     addresses = [group[i].address for i in values]
     causes = {CauseId(kind="literal", subject=(address,)) for address in addresses}
     causes.add(CauseId(kind="exchange", subject=tuple(addresses)))
-    if joint := joint_of(group[next(iter(values))].element):
+    if joint := joint_of(group[next(iter(values))].within):
         causes.add(CauseId(kind="axis", subject=(joint,)))
     yield Mistake(name, place, Edit(numbers=values), frozenset(causes))
 
@@ -139,12 +140,29 @@ def _exchanged(group: Group) -> dict[int, float]:
     return {first: group[last].value, last: group[first].value}
 
 
+def _per_radian(group: Group) -> dict[int, float]:
+    return {i: math.degrees(one.value) for i, one in group.items()}
+
+
 _FAMILIES: tuple[tuple[str, str, Callable[[Group], dict[int, float]]], ...] = (
     (AXIS.pattern, "axis flipped", _reversed),
-    (r".*(mass@value|inertial/mass|inertial@mass)", "grams for kilograms", _in_grams),
-    (r".*(inertia[@/]i[xyz]{2}|@diaginertia)", "moments exchanged", _exchanged),
-    (r".*(inertial/origin@xyz|inertial@pos)", "centre of mass left out", _dropped),
-    (r".*inertial/origin@rpy", "rotation of the inertia left out", _dropped),
+    (r".*(mass@value|inertial/mass|inertial@mass|@physics:mass)", "grams for kilograms", _in_grams),
+    (
+        r".*(inertia[@/]i[xyz]{2}|@diaginertia|@physics:diagonalInertia)",
+        "moments exchanged",
+        _exchanged,
+    ),
+    (
+        r".*(inertial/origin@xyz|inertial@pos|@physics:centerOfMass)",
+        "centre of mass left out",
+        _dropped,
+    ),
+    (
+        r".*(inertial/origin@rpy|@physics:principalAxes)",
+        "rotation of the inertia left out",
+        _dropped,
+    ),
+    (r".*@(drive:(ang|rot).*:(stiffness|damping)|newton:damping)", "per radian", _per_radian),
 )
 """Paths of numbers, the mistake, and the values that it gives to a list of them."""
 

@@ -26,20 +26,17 @@ of seven joints with branches, from rest and in motion, at 1/60 and 1/1000 s:
 
 from __future__ import annotations
 
-import tempfile
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
 from physics_crosscheck.harness.documents.usd import SUFFIXES
-from physics_crosscheck.harness.engines.physx.scene import FASTEST, SLIDE, PhysxScene, StageLayer
+from physics_crosscheck.harness.engines.physx.scene import FASTEST, PhysxScene, StageLayer
 from physics_crosscheck.harness.engines.protocol import (
     Array,
     DefaultLeftOn,
@@ -53,7 +50,12 @@ from physics_crosscheck.harness.engines.protocol import (
 )
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import open_stage, sample_stages, shortened
+from physics_crosscheck.harness.engines.source import (
+    open_stage,
+    sample_stages,
+    shortened,
+    temporary_file,
+)
 from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
@@ -119,8 +121,8 @@ class PhysxEngine(UrdfEngine):
 
     def load(self, spec: ModelSpec) -> LoadedModel:
         """Load a file; the step of a scene that states none is 1/60 s."""
-        stated = open_stage(spec).settings
-        return super().load(replace(spec, settings={"step": 1 / 60, **stated, **spec.settings}))
+        settings = {"step": 1 / 60, **open_stage(spec).settings, **spec.settings}
+        return super().load(replace(spec, settings=settings))
 
     def loaded(self, spec: ModelSpec) -> LoadedModel:
         """Load a file whose settings are valid."""
@@ -145,10 +147,8 @@ class PhysxModel(TreeModel):
         super().__init__(spec, "PhysX", {**DEFAULTS, **spec.settings})
         stage = open_stage(spec)
         self._layer = layer = StageLayer(stage, self.settings, held_joints(spec))
-        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-            path = Path(folder) / "layer.usda"
-            path.write_text(layer.text, encoding="utf-8")
-            self._scene = scene = PhysxScene(path, layer.root)
+        with temporary_file(layer.text.encode(), spec.path.with_suffix(".usda")) as path:
+            self._scene = scene = PhysxScene(path, layer)
         weakref.finalize(self, scene.close).atexit = False
         for name in scene.joints:
             if name not in layer.joints:
@@ -156,18 +156,11 @@ class PhysxModel(TreeModel):
                 raise UnsupportedError(problem, file=spec.path)
         names = [layer.joints[name][2] for name in scene.joints]
         self.floats = not layer.base
-        self._links = {layer.links[name]: row for row, name in enumerate(scene.links)}
-        self.root = free_name(next(iter(self._links)), names) if self.floats else ""
+        self.root = free_name(scene.links[0], names) if self.floats else ""
         self.name(names)
-        self._slides = np.array([layer.joints[name][1] == SLIDE for name in scene.joints])
         if self.settings["smooth"]:
             self._without_friction()
-        units = _Units(
-            length=stage.unit,
-            energy=stage.mass_unit * stage.unit**2,
-            joints=np.where(self._slides, stage.unit, 1.0),
-        )
-        self.stepper = self._steps = _ArticulationSteps(scene, units, self.floats)
+        self.stepper = self._steps = _ArticulationSteps(scene, layer, self.floats)
 
     def _without_friction(self) -> None:
         """Disable dry friction and bounds of speeds and efforts."""
@@ -185,37 +178,16 @@ class PhysxModel(TreeModel):
     @property
     def step_rule(self) -> StepRule | None:
         """The rule: substeps, with a fixed base and without springs of slides."""
-        has_rule = not self.floats and self._is_plain
-        if not has_rule or np.any(self._steps.stiffness[self._slides]):
+        law = self._steps.law
+        if self.floats or not self._is_plain or np.any(law.stiffness[self._scene.slides]):
             return None
-        count, repeats = self._layer.iterations
-        return self._steps.rule(count, repeats, self._depth_first)
+        return StepRule(scheme="semi-implicit Euler", substeps=law)
 
     @property
     def _is_plain(self) -> bool:
         """True if no joint follows another one, and no drive's gains are accelerations."""
         by_acceleration = self._scene.read("DOF_DRIVE_TYPE") == 2
-        return not (self._layer.followers or by_acceleration.any())
-
-    @cached_property
-    def _depth_first(self) -> tuple[int, ...]:
-        """Indices of the joints, from the root outward."""
-        scene, ends = self._scene, self._layer.ends
-        order, passed = list[int](), {""}
-
-        def visit(link: str) -> None:
-            passed.add(link)
-            reached = {}
-            for joint, first, second in ends:
-                if link in (first, second):
-                    reached[second if link == first else first] = joint
-            for child in [name for name in scene.links if name in reached]:
-                if child not in passed:
-                    order.extend(k for k, name in enumerate(scene.joints) if name == reached[child])
-                    visit(child)
-
-        visit(scene.links[0])
-        return tuple(order)
+        return not (self._layer.has_followers or by_acceleration.any())
 
     @property
     def home(self) -> Array:
@@ -226,17 +198,17 @@ class PhysxModel(TreeModel):
     def limits(self) -> Array:
         """Joint limits, (nz, 2)."""
         result = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        bounds = self._steps.limits
-        bounds = np.where(abs(bounds) > UNLIMITED, np.sign(bounds) * np.inf, bounds)
-        result[self.layout.singles] = bounds
+        bounds = self._scene.read("DOF_LIMIT")
+        result[self.layout.singles] = np.where(
+            abs(bounds) > UNLIMITED, np.copysign(np.inf, bounds), bounds
+        )
         return result
 
     @property
     def sampling_range(self) -> Array:
         """Sampling range within the file's limits, whether or not they are enforced."""
         limits = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        for row, name in zip(self.layout.singles, self._scene.joints, strict=True):
-            limits[row] = self._layer.limits.get(name, (-np.inf, np.inf))
+        limits[self.layout.singles] = [self._layer.limits[name] for name in self._scene.joints]
         return clip_ranges(super().sampling_range + self.home[:, None], limits)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
@@ -281,169 +253,147 @@ class PhysxModel(TreeModel):
             yield Remark(kind="inertial", message=message, shows_in=("inertia",))
         masses = self._scene.read("BODY_MASS")
         for name, mass in zip(self._scene.links, masses, strict=True):
-            if name in self._layer.massless and mass == 1.0:
-                message = f"PhysX gives {self._layer.links[name]} {mass:g} kg, since it has no mass"
+            if name in self._layer.massless and mass == self._layer.mass_unit:
+                message = f"PhysX gives {name} {mass:g} kg, since it has no mass"
                 yield Remark(kind="inertial", message=message, shows_in=("inertia",))
 
     @property
     def inertias(self) -> Mapping[str, SpatialInertia]:
         """Mass and inertia of each link in its frame."""
-        return dict(zip(self._links, self._steps.inertias(), strict=True))
+        read, result = self._scene.read, dict[str, SpatialInertia]()
+        tensors = read("BODY_INERTIA").reshape(-1, 3, 3)
+        rows = zip(read("BODY_MASS"), read("BODY_COM_POSE"), tensors, strict=True)
+        for name, (mass, pose, tensor) in zip(self._scene.links, rows, strict=True):
+            turn = from_quaternion(np.roll(pose[3:], 1))
+            result[name] = SpatialInertia(float(mass), pose[:3], turn @ tensor @ turn.T)
+        return result
 
     @property
     def places(self) -> tuple[str, ...]:
         """Links."""
-        return tuple(f"link:{name}" for name in self._links)
+        return tuple(f"link:{name}" for name in self._scene.links)
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Return poses by PhysX's forward kinematics."""
-        rows = [self._links[place.partition(":")[2]] for place in places]
+        rows = [self._scene.links.index(place.partition(":")[2]) for place in places]
         origins, turns = np.empty((len(z), len(rows), 3)), np.empty((len(z), len(rows), 3, 3))
         for k, q in enumerate(z):
             self._steps.reset(q, 0 * q)
-            poses = self._scene.read("LINK_POSE")[rows]
-            origins[k] = poses[:, :3] * self._steps.units.length
-            turns[k] = [from_quaternion(np.roll(one[3:], 1)) for one in poses]
+            for i, pose in enumerate(self._scene.read("LINK_POSE")[rows]):
+                origins[k, i], turns[k, i] = pose[:3], from_quaternion(np.roll(pose[3:], 1))
         return origins, turns
-
-
-class _Units(NamedTuple):
-    """SI units of a stage's lengths and energies (at seconds), and of positions, (n,)."""
-
-    length: float
-    energy: float
-    joints: Array
 
 
 class _ArticulationSteps(Stepper):
     """An articulation in its scene; a free root's velocities are those of its centre of mass."""
 
-    def __init__(self, scene: PhysxScene, units: _Units, floats: bool) -> None:
-        self._scene, self.units = scene, units
-        self._first = FREE if floats else 0
+    def __init__(self, scene: PhysxScene, layer: StageLayer, floats: bool) -> None:
+        self._scene, self._first = scene, FREE if floats else 0
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
         self._held_root = scene.read("ROOT_POSE")
         self._push = np.zeros((len(scene.links), 9))
-        self._centre = scene.read("BODY_COM_POSE")[0, :3] * units.length
-        force, per = units.energy / units.joints, units.energy / units.joints**2
-        self.stiffness, damping = (
-            scene.read(f"DOF_{one}") * per for one in ("STIFFNESS", "DAMPING")
-        )
-        target, speed = (
-            scene.read(f"DOF_{one}_TARGET") * units.joints for one in ("POSITION", "VELOCITY")
-        )
+        self._centre = scene.read("BODY_COM_POSE")[0, :3]
         driven = scene.read("DOF_DRIVE_TYPE") != 0
-        effort = np.where(driven, scene.read("DOF_MAX_FORCE") * force, np.inf)
-        passive = scene.read("DOF_FRICTION_PROPERTIES")[:, 2] * per
-        self._law = Substeps(
-            count=1,
-            repeats=0,
-            order=(),
-            stiffness=self.stiffness,
-            damping=damping,
-            target=target,
-            speed=speed,
-            effort=effort,
-            passive=passive,
+        count, repeats = layer.iterations
+        self.law = Substeps(
+            count=count,
+            repeats=repeats,
+            order=_depth_first(scene, layer.ends),
+            stiffness=scene.read("DOF_STIFFNESS"),
+            damping=scene.read("DOF_DAMPING"),
+            target=scene.read("DOF_POSITION_TARGET"),
+            speed=scene.read("DOF_VELOCITY_TARGET"),
+            effort=np.where(driven, scene.read("DOF_MAX_FORCE"), np.inf),
+            passive=scene.read("DOF_FRICTION_PROPERTIES")[:, 2],
         )
-        home = scene.read("DOF_POSITION") * units.joints
-        home[abs(home) < 1e-9] = 0.0  # PhysX moves joints by 1e-18 when it warms up
-        turned = minimal_coordinates(np.roll(self._held_root[3:], 1), self._near)
-        free = [*self._held_root[:3] * units.length, *turned] if floats else []
-        self.home: Array = np.concatenate([free, home])
-
-    def rule(self, count: int, repeats: int, order: tuple[int, ...]) -> StepRule:
-        """Return the rule of a step."""
-        law = replace(self._law, count=count, repeats=repeats, order=order)
-        return StepRule(scheme="semi-implicit Euler", substeps=law)
+        self.home: Array = self.position()
+        self.home[abs(self.home) < 1e-9] = 0.0  # PhysX moves joints by 1e-18 when it warms up
 
     def reset(self, q: Array, v: Array) -> None:
         """Set a state."""
-        scene, units, first = self._scene, self.units, self._first
+        scene, first = self._scene, self._first
         pose, spin, moved = self._held_root, np.zeros(3), np.zeros(3)
         if first:
             self._near = unit_quaternion(q[3:FREE])
             turn = from_quaternion(self._near)
             spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
-            moved = (v[:3] + np.cross(spin, turn @ self._centre)) / units.length
-            pose = np.concatenate([q[:3] / units.length, np.roll(self._near, -1)])
+            moved = v[:3] + np.cross(spin, turn @ self._centre)
+            pose = np.concatenate([q[:3], np.roll(self._near, -1)])
         if not scene.fixed:
             scene.write("ROOT_POSE", pose)
             scene.write("ROOT_VELOCITY", np.concatenate([moved, spin]))
-        scene.write("DOF_POSITION", q[first:] / units.joints)
-        scene.write("DOF_VELOCITY", v[first:] / units.joints)
+        scene.write("DOF_POSITION", q[first:])
+        scene.write("DOF_VELOCITY", v[first:])
 
     def position(self) -> Array:
         """Return the position, with rotation coordinates near to the last ones."""
-        q = self._scene.read("DOF_POSITION") * self.units.joints
+        q = self._scene.read("DOF_POSITION")
         if not self._first:
             return q
         pose = self._scene.read("ROOT_POSE")
         turned = minimal_coordinates(np.roll(pose[3:], 1), self._near)
         self._near = unit_quaternion(turned)
-        return np.concatenate([pose[:3] * self.units.length, turned, q])
+        return np.concatenate([pose[:3], turned, q])
 
     def state(self) -> tuple[Array, Array]:
         """Return positions and velocities."""
-        z, v = self.position(), self._scene.read("DOF_VELOCITY") * self.units.joints
+        z, v = self.position(), self._scene.read("DOF_VELOCITY")
         if not self._first:
             return z, v
         moved, spin = np.split(self._scene.read("ROOT_VELOCITY"), 2)
         turn = from_quaternion(self._near)
-        moved = moved * self.units.length - np.cross(spin, turn @ self._centre)
+        moved = moved - np.cross(spin, turn @ self._centre)
         return z, np.concatenate([moved, coordinate_rate(z[3:FREE], turn.T @ spin), v])
 
     def step(self, h: float, force: Array | None) -> None:
         """Step the scene, under inputs."""
-        scene, units, first = self._scene, self.units, self._first
+        scene, first = self._scene, self._first
         if force is not None:
             if first:
                 pose = scene.read("ROOT_POSE")
-                push = force[:3] * units.length
                 moment = from_quaternion(np.roll(pose[3:], 1)) @ force[3:FREE]
-                self._push[0] = *(push / units.energy), *(moment / units.energy), *pose[:3]
+                self._push[0] = *force[:3], *moment, *pose[:3]
                 scene.write("LINK_WRENCH", self._push)
-            scene.write("DOF_ACTUATION_FORCE", force[first:] * units.joints / units.energy)
+            scene.write("DOF_ACTUATION_FORCE", force[first:])
         scene.step(h)
         if force is not None:
             scene.write("DOF_ACTUATION_FORCE", 0 * force[first:])
 
     def acceleration(self, q: Array, v: Array, force: Array) -> Array:
         """Return accelerations at a state; those of a free root are of its centre in PhysX."""
-        scene, units, law, first = self._scene, self.units, self._law, self._first
+        scene, law, first = self._scene, self.law, self._first
         self.reset(q, v)
-        x, m, push = q[first:], v[first:], force[first:]
+        x, m, applied = q[first:], v[first:], force.copy()
         servo = law.stiffness * (law.target - x) + law.damping * (law.speed - m)
-        applied = np.clip(servo + push, -law.effort, law.effort) - law.passive * m
-        applied = applied * units.joints / units.energy
+        limited = np.clip(servo + force[first:], -law.effort, law.effort)
+        applied[first:] = limited - law.passive * m
         mass = scene.read("MASS_MATRIX")
         mass[first:, first:] += np.diag(scene.read("DOF_ARMATURE"))
         turn = from_quaternion(self._near)
         arm = turn @ self._centre
         if first:
-            moment = turn @ force[3:FREE] - np.cross(arm, force[:3])
-            root = np.concatenate([force[:3] * units.length, moment]) / units.energy
-            applied = np.concatenate([root, applied])
+            applied[3:FREE] = turn @ force[3:FREE] - np.cross(arm, force[:3])
         weight = scene.read("GRAVITY_FORCE") + scene.read("CORIOLIS_AND_CENTRIFUGAL_FORCE")
         result = np.asarray(np.linalg.solve(mass, applied - weight), dtype=np.float64)
-        result[first:] *= units.joints
         if first:
             spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
-            moved = np.cross(result[3:FREE], arm) + np.cross(spin, np.cross(spin, arm))
-            result[:3] = result[:3] * units.length - moved
+            result[:3] -= np.cross(result[3:FREE], arm) + np.cross(spin, np.cross(spin, arm))
             result[3:FREE] = turn.T @ result[3:FREE]
         return result
 
-    @property
-    def limits(self) -> Array:
-        """Joint limits, (n, 2)."""
-        return self._scene.read("DOF_LIMIT") * self.units.joints[:, None]
 
-    def inertias(self) -> Iterator[SpatialInertia]:
-        """Yield mass and inertia of each link in its frame."""
-        scene, length = self._scene, self.units.length
-        inertias = scene.read("BODY_INERTIA").reshape(-1, 3, 3) * self.units.energy
-        masses = scene.read("BODY_MASS") * self.units.energy / length**2
-        for mass, pose, inertia in zip(masses, scene.read("BODY_COM_POSE"), inertias, strict=True):
-            turn = from_quaternion(np.roll(pose[3:], 1))
-            yield SpatialInertia(float(mass), pose[:3] * length, turn @ inertia @ turn.T)
+def _depth_first(scene: PhysxScene, ends: Sequence[tuple[str, str, str]]) -> tuple[int, ...]:
+    """Return indices of the joints, from the root outward, siblings in PhysX's order."""
+    between = {frozenset(bodies): joint for joint, *bodies in ends}
+    order, passed = list[str](), {scene.links[0]}
+
+    def visit(link: str) -> None:
+        for child in scene.links:
+            joint = between.get(frozenset((link, child)))
+            if joint is not None and child not in passed:
+                passed.add(child)
+                order.append(joint)
+                visit(child)
+
+    visit(scene.links[0])
+    return tuple(scene.joints.index(joint) for joint in order if joint in scene.joints)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -25,11 +24,10 @@ FAR = 1e6
 ITERATIONS = 32
 """Position iterations of an articulation that states none."""
 
-BODY, ROOT, COLLIDER = (
-    f"Physics{one}API" for one in ("RigidBody", "ArticulationRoot", "Collision")
-)
+BODY, ROOT = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
 HINGE, SLIDE, FIXED = (f"Physics{one}Joint" for one in ("Revolute", "Prismatic", "Fixed"))
 ARTICULATION = "PhysxArticulationAPI"
+COUNTS = "solverPositionIterationCount", "solverVelocityIterationCount"
 
 
 @lru_cache(maxsize=1)
@@ -47,21 +45,22 @@ def _runtime() -> tuple[Any, Any]:
 
 
 class PhysxScene:
-    """A stage in PhysX with one articulation, and its tensors in the stage's units.
+    """A stage in PhysX with one articulation, and its tensors in SI units and radians.
 
     Args:
         path: of the root layer.
-        root: path of the prim with the articulation root.
+        layer: what the root layer states.
 
     Attributes:
         joints, links: their names, in PhysX's order.
+        slides: whether a joint is a slide, (n,).
         fixed: whether the root link does not move.
     """
 
-    def __init__(self, path: Path, root: str) -> None:
+    def __init__(self, path: Path, layer: StageLayer) -> None:
         ovphysx, ovstage = _runtime()
         self._types = ovphysx.types.TensorType
-        self._root, self._bindings = root, dict[str, tuple[Any, Any]]()
+        self._root, self._bindings = layer.root, dict[str, tuple[Any, Any]]()
         self._stage = ovstage.Stage("crosscheck")
         domains = ovstage.population.PopulationDomain.ALL
         ovstage.population.open_usd(self._stage, str(path), ordinal=1, domains=domains)
@@ -77,9 +76,34 @@ class PhysxScene:
         physx.warmup()
         binding = self._binding("DOF_POSITION")[0]
         if binding.count != 1:
-            raise EngineError(f"PhysX finds {binding.count} articulations at {root}")
+            raise EngineError(f"PhysX finds {binding.count} articulations at {layer.root}")
         self.joints, self.links = list(binding.dof_names), list(binding.body_names)
         self.fixed = bool(binding.is_fixed_base)
+        slides = [name for name, (_, kind, _) in layer.joints.items() if kind == SLIDE]
+        self.slides = np.isin(self.joints, slides)
+        self._units = self._si_units(layer.unit, layer.mass_unit)
+
+    def _si_units(self, length: float, mass: float) -> dict[str, Any]:
+        """Return the SI unit of each tensor that is not in radians and seconds alone."""
+        energy, place = mass * length**2, np.array([length] * 3 + [1.0] * 4)
+        joints = np.where(self.slides, length, 1.0)
+        moved = joints if self.fixed else np.concatenate([place[:6], joints])
+        force, gain = energy / moved, energy / joints**2
+        return {
+            **dict.fromkeys(("ROOT_POSE", "LINK_POSE", "BODY_COM_POSE"), place),
+            "ROOT_VELOCITY": place[:6],
+            "LINK_WRENCH": np.concatenate([energy / place[:6], place[:3]]),
+            "BODY_MASS": mass,
+            "BODY_INERTIA": energy,
+            "MASS_MATRIX": energy / np.outer(moved, moved),
+            **dict.fromkeys(("GRAVITY_FORCE", "CORIOLIS_AND_CENTRIFUGAL_FORCE"), force),
+            "DOF_LIMIT": joints[:, None],
+            "DOF_FRICTION_PROPERTIES": gain[:, None],
+            **{f"DOF_{one}{end}": joints for one in ("POSITION", "VELOCITY")
+               for end in ("", "_TARGET")},
+            **dict.fromkeys(("DOF_STIFFNESS", "DOF_DAMPING", "DOF_ARMATURE"), gain),
+            **dict.fromkeys(("DOF_MAX_FORCE", "DOF_ACTUATION_FORCE"), energy / joints),
+        }  # fmt: skip
 
     def _binding(self, name: str) -> tuple[Any, Any]:
         """Return the binding of a tensor, and a buffer of its shape."""
@@ -96,12 +120,13 @@ class PhysxScene:
         """Return a tensor of the articulation."""
         binding, buffer = self._binding(name)
         binding.read(buffer)
-        return np.array(buffer[0], dtype=np.float64)
+        result: Array = buffer[0].astype(float) * self._units.get(name, 1.0)
+        return result
 
     def write(self, name: str, values: Array) -> None:
         """Set a tensor of the articulation."""
         binding, buffer = self._binding(name)
-        buffer[0] = values
+        buffer[0] = values / self._units.get(name, 1.0)
         binding.write(buffer)
 
     def step(self, h: float) -> None:
@@ -122,14 +147,13 @@ class StageLayer:
 
     Attributes:
         text: of the layer.
+        unit, mass_unit: m and kg per unit.
         root: path of the prim with the articulation root; `stated_root` that of the file.
         base: path of the joint that fixes a body to the world; empty for a floating root.
         iterations: numbers of position and velocity iterations of a step.
         joints: path, type and name here of slides and hinges, by PhysX's name.
-        links: names of bodies here by PhysX's name.
-        followers: PhysX's names of joints that follow another one.
-        massless: PhysX's names of bodies for which the file states no mass.
-        momentless: names here of bodies for which it states no moments of inertia.
+        has_followers: whether a joint follows another one.
+        massless, momentless: names of bodies for which the file states no mass or no moments.
         limits: of slides and hinges in the file, m or rad, by PhysX's name.
         ends: PhysX's names of each joint and of its two bodies; empty for the world.
 
@@ -139,28 +163,27 @@ class StageLayer:
 
     def __init__(self, file: UsdStage, settings: Mapping[str, object], held: Sequence[str]) -> None:
         self._file, self._settings = file, settings
+        self.unit, self.mass_unit = file.unit, file.mass_unit
         bodies, joints = [*file.bodies.values()], [*file.joints.values()]
         moving = [prim for prim in joints if prim.GetTypeName() in (HINGE, SLIDE)]
-        self.links, names = self._named(bodies, file.bodies), self._named(moving, file.joints)
+        self._names(bodies, file.bodies)
+        names = self._names(moving, file.joints)
         self.joints = {
             prim.GetName(): (str(prim.GetPath()), str(prim.GetTypeName()), names[prim.GetName()])
             for prim in moving
         }
-        self.followers = {
-            prim.GetName()
+        self.has_followers = any(
+            name.startswith(("newton:mimicJoint", "physxMimicJoint:"))
             for prim in moving
             for name in prim.GetAuthoredPropertyNames()
-            if name.startswith(("newton:mimicJoint", "physxMimicJoint:"))
-        }
-        self.massless = {
-            one.GetName() for one in bodies if file.stated(one, "physics:mass") in (None, 0.0)
-        }
+        )
+        self.massless = [one.GetName() for one in bodies if not file.stated(one, "physics:mass")]
         self.momentless = [
-            self.links[one.GetName()]
+            one.GetName()
             for one in bodies
             if not any(file.stated(one, "physics:diagonalInertia") or ())
         ]
-        self.limits = {one: self._limits(*self.joints[one][:2]) for one in self.joints}
+        self.limits = {prim.GetName(): self._limits(prim) for prim in moving}
         self.ends = [(one.GetName(), self._end(one, 0), self._end(one, 1)) for one in joints]
         self.base = next(self._bases(joints), "")
         roots = [prim for prim in file.prims if ROOT in prim.GetAppliedSchemas()]
@@ -171,17 +194,24 @@ class StageLayer:
         with file.pxr.Usd.EditContext(file.stage, file.stage.GetSessionLayer()):
             self.stated_root = str(roots[0].GetPath())
             self.root = self._place_root(roots[0], bodies)
-            shapes = self._outer_shapes() if settings["smooth"] else ()
-            for path in [one.GetPath() for one in bodies]:
+            links = [one.GetPath() for one in bodies]
+            shapes = [
+                one.GetPath()
+                for one in file.prims
+                if "PhysicsCollisionAPI" in one.GetAppliedSchemas() and not file.body_of(one)
+            ]
+            for path in links:
                 self._set_link(self._copied(path))
             self._set_joints(held)
-            for path in shapes:
+            for path in shapes if settings["smooth"] else ():
                 self._set(self._copied(path), "", "physics:collisionEnabled", False)
             if list(settings["gravity"]) != list(file.gravity):  # type: ignore[call-overload]
                 self._set_gravity(settings["gravity"])  # type: ignore[arg-type]
-        self.text = self._written()
+        layer = file.pxr.Sdf.Layer.CreateAnonymous(".usda")
+        layer.TransferContent(file.stage.GetSessionLayer())
+        self.text = file.over_file(layer)
 
-    def _named(self, prims: Sequence[Any], among: Mapping[str, Any]) -> dict[str, str]:
+    def _names(self, prims: Sequence[Any], among: Mapping[str, Any]) -> dict[str, str]:
         """Return the names of prims here by their own, which PhysX uses."""
         names = {one.GetName(): name for name, one in among.items() if one in prims}
         if len(names) < len(prims):
@@ -193,15 +223,14 @@ class StageLayer:
     def _end(self, joint: Any, k: int) -> str:
         """Return the name of a joint's body, which a target may be below of."""
         for path in self._file.targets(joint, f"physics:body{k}"):
-            if body := self._file.body_above(self._file.stage.GetPrimAtPath(path)):
+            if body := self._file.body_of(self._file.stage.GetPrimAtPath(path)):
                 return str(body.GetName())
         return ""
 
-    def _limits(self, path: str, kind: str) -> tuple[float, float]:
-        file, prim = self._file, self._file.stage.GetPrimAtPath(path)
-        unit = file.unit if kind == SLIDE else np.pi / 180
-        lower = file.value(prim, "physics:lowerLimit", -np.inf) * unit
-        return lower, file.value(prim, "physics:upperLimit", np.inf) * unit
+    def _limits(self, prim: Any) -> tuple[float, float]:
+        unit = self.unit if prim.GetTypeName() == SLIDE else np.pi / 180
+        lower = self._file.value(prim, "physics:lowerLimit", -np.inf) * unit
+        return lower, self._file.value(prim, "physics:upperLimit", np.inf) * unit
 
     def _bases(self, joints: Sequence[Any]) -> Iterator[str]:
         """Yield the paths of joints that fix a body to the world."""
@@ -223,14 +252,15 @@ class StageLayer:
             children = {child for _, _, child in self.ends}
             roots = [one for one in bodies if one.GetName() not in children]
             path = str((roots or bodies)[0].GetPath())
-        numbers: dict[str, Any] = {
-            name: file.stated(prim, f"physxArticulation:{name}")
-            for name in ("solverPositionIterationCount", "solverVelocityIterationCount")
-        }
+        position, velocity, collides = (
+            file.stated(prim, f"physxArticulation:{name}")
+            for name in (*COUNTS, "enabledSelfCollisions")
+        )
         # With the schema that the adapter adds, PhysX no longer reads Newton's attribute.
-        collides = file.stated(prim, "physxArticulation:enabledSelfCollisions")
         if collides is None:
             collides = file.stated(prim, "newton:selfCollisionEnabled")
+        self.iterations = int(position or ITERATIONS), int(1 if velocity is None else velocity)
+        numbers: dict[str, Any] = dict(zip(COUNTS, self.iterations, strict=True))
         numbers["enabledSelfCollisions"] = collides is not False and not self._settings["smooth"]
         numbers["sleepThreshold"] = 0.0
         if path != str(prim.GetPath()):
@@ -239,10 +269,7 @@ class StageLayer:
         root = self._copied(path)
         root.AddAppliedSchema(ROOT)
         for name, value in numbers.items():
-            if value is not None:
-                self._set(root, ARTICULATION, f"physxArticulation:{name}", value)
-        position, velocity = list(numbers.values())[:2]
-        self.iterations = int(position or ITERATIONS), int(1 if velocity is None else velocity)
+            self._set(root, ARTICULATION, f"physxArticulation:{name}", value)
         return path
 
     def _set_link(self, prim: Any) -> None:
@@ -262,14 +289,9 @@ class StageLayer:
                 del self.joints[name]
             elif self._settings["smooth"]:
                 # PhysX drops a follower if it or its leader has no finite limits.
-                prim, far = self._copied(path), FAR if self.followers else np.inf
+                prim, far = self._copied(path), FAR if self.has_followers else np.inf
                 self._set(prim, "", "physics:lowerLimit", -far)
                 self._set(prim, "", "physics:upperLimit", far)
-
-    def _outer_shapes(self) -> list[Any]:
-        """Return the paths of shapes that collide and are of no body."""
-        shapes = [one for one in self._file.prims if COLLIDER in one.GetAppliedSchemas()]
-        return [one.GetPath() for one in shapes if not _is_of_body(one)]
 
     def _set_gravity(self, gravity: Sequence[float]) -> None:
         """Set gravity where the settings differ from the file."""
@@ -296,24 +318,3 @@ class StageLayer:
         types = self._file.pxr.Sdf.ValueTypeNames
         kind = {bool: types.Bool, int: types.Int, float: types.Float}[type(value)]
         prim.CreateAttribute(name, kind, False).Set(value)
-
-    def _written(self) -> str:
-        """Return the layer as text, over the file."""
-        stage = self._file.stage
-        layer, root = self._file.pxr.Sdf.Layer.CreateAnonymous(".usda"), stage.GetRootLayer()
-        layer.TransferContent(stage.GetSessionLayer())
-        for key in ("metersPerUnit", "kilogramsPerUnit", "upAxis"):  # read from a root layer only
-            if root.pseudoRoot.HasInfo(key):
-                layer.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
-        layer.subLayerPaths = [os.path.abspath(self._file.path)]
-        text: str = layer.ExportToString()
-        return text
-
-
-def _is_of_body(prim: Any) -> bool:
-    """Return whether a prim is part of a body."""
-    while prim and not prim.IsPseudoRoot():
-        if BODY in prim.GetAppliedSchemas():
-            return True
-        prim = prim.GetParent()
-    return False

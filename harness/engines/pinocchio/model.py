@@ -11,7 +11,7 @@ from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
 from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import one_line
+from physics_crosscheck.harness.engines.source import load_failure, one_line
 from physics_crosscheck.harness.engines.stepped_here import SteppedHere
 from physics_crosscheck.harness.engines.tree_model import (
     Weight,
@@ -41,7 +41,7 @@ def build_urdf(path: Path, file: Path, root: str) -> Any:
             return pin.buildModelFromUrdf(str(path))
     except ValueError as error:
         message = one_line(" ".join(printed)) or one_line(error)
-        raise UnsupportedError(f"{file}: Pinocchio can't load it: {message}") from None
+        raise load_failure("Pinocchio", file, message, UnsupportedError) from None
 
 
 GROUND = "world"

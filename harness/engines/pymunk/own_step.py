@@ -1,5 +1,7 @@
 """Spaces that do more in a step than pymunk's C code: a subclass's step, callbacks, threads."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

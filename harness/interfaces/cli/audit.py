@@ -14,7 +14,12 @@ from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
 from physics_crosscheck.harness.documents.reading import apply_edits, read_regular
-from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines, is_robot
+from physics_crosscheck.harness.modelfiles.folders import (
+    FORMATS,
+    FolderError,
+    check_engines,
+    is_robot,
+)
 from physics_crosscheck.harness.planning.options import Options
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.codes import case_code, part_code
@@ -92,8 +97,9 @@ def _is_other_xml(path: Path) -> bool:
         return False
     text = re.sub(rb"(?s)<!--.*?-->|<[?!][^>]*>", b"", read_regular(path))
     root = re.search(rb"<([\w:.-]+)", text)
+    meant = re.findall(r"\w+", FORMATS[".xml"].head.decode())[:1]
     return root is not None and not get_close_matches(
-        root[1].decode("latin-1").lower(), ["mujoco"], cutoff=0.65
+        root[1].decode("latin-1").lower(), meant, cutoff=0.65
     )
 
 

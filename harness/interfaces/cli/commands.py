@@ -302,7 +302,7 @@ COMMANDS: Mapping[str, Command] = {
         group="Compare",
         purpose="Compare two model files without declared equations",
         description="Compare two model files of one mechanism, without declared equations.\n"
-        "Print whether they move alike, and the numbers that differ; write compare.html.",
+        "Print whether they move alike, and what differs; write compare.html.",
         examples={
             "Compare two files": "crosscheck compare robot.urdf robot.xml",
             "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"

@@ -60,6 +60,13 @@ class UsdJoint:
     ends: tuple[str | None, str | None]
     frames: tuple[Place, Place]
 
+    @property
+    def limit(self) -> tuple[str, str]:
+        """Names of its limits."""
+        if self.key in _AXES:
+            return f"limit:{self.key}:physics:low", f"limit:{self.key}:physics:high"
+        return "physics:lowerLimit", "physics:upperLimit"
+
 
 def read_usd_robot(path: Path, settings: Mapping[str, object]) -> Robot:
     """Read all rigid bodies of a stage.
@@ -127,12 +134,16 @@ class StageTree:
         return [name for name, prim in rows if value(prim, still) or not value(prim, on, True)]
 
     @cached_property
+    def all_joints(self) -> tuple[UsdJoint, ...]:
+        """All joints, in the order of the stage."""
+        rows = self.stage.joints.items()
+        return tuple(joint for name, prim in rows for joint in self._joint(prim, name))
+
+    @cached_property
     def joints(self) -> tuple[UsdJoint, ...]:
         """Joints that act, in the order of the stage."""
-        rows = self.stage.joints.items()
-        return tuple(
-            joint for name, prim in rows if self._acts(prim) for joint in self._joint(prim, name)
-        )
+        rows = [(name, prim) for name, prim in self.stage.joints.items() if self._acts(prim)]
+        return tuple(joint for name, prim in rows for joint in self._joint(prim, name))
 
     def _acts(self, prim: Any) -> bool:
         is_on = self.stage.value(prim, "physics:jointEnabled", default=True)
@@ -181,7 +192,7 @@ class StageTree:
             if not target:
                 stage.add_problem(prim, f"{path} does not exist", "name a body", name=name)
                 break
-            (place, scale), body = stage.world(target), stage.body_above(target)
+            (place, scale), body = stage.world(target), stage.body_of(target)
             frame = Place(turn, local * scale)
             if body is None:
                 return None, place.compose(frame)
@@ -290,11 +301,9 @@ class StageTree:
     def _limits(self, joint: UsdJoint) -> tuple[float, float] | None:
         if not joint.key:
             return None
-        names, unit = ["physics:lowerLimit", "physics:upperLimit"], self._units(joint)[0]
-        if joint.key in _AXES:
-            names = [f"limit:{joint.key}:physics:{end}" for end in ("low", "high")]
-        low = self.stage.value(joint.prim, names[0], -math.inf) * unit
-        high = self.stage.value(joint.prim, names[1], math.inf) * unit
+        unit = self._units(joint)[0]
+        low = self.stage.value(joint.prim, joint.limit[0], -math.inf) * unit
+        high = self.stage.value(joint.prim, joint.limit[1], math.inf) * unit
         return (low, high) if low <= high and math.isfinite(high - low) else None
 
     @cached_property
@@ -318,7 +327,7 @@ class StageTree:
         stage = self.stage
         for prim in stage.prims:
             if prim.HasAPI(stage.pxr.UsdPhysics.CollisionAPI):
-                yield "collision geometry", stage.body_names.get(stage.body_above(prim), "")
+                yield "collision geometry", stage.body_names.get(stage.body_of(prim), "")
             elif prim.IsA(stage.pxr.UsdPhysics.Joint) and not self._acts(prim):
                 is_on = stage.is_outside(prim)
                 kind = "excluded from the articulation" if is_on else "switched off"
