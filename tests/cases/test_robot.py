@@ -169,10 +169,7 @@ def test_unsupported_format_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "arm.py").write_text("")
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
-    assert (
-        "arm.py: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run without a folder; name one of these"
-        in done.stderr
-    )
+    assert "arm.py: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -217,7 +214,7 @@ def test_missing_file_is_reported_and_other_files_run(tmp_path: Path) -> None:
     done = crosscheck(tmp_path, *names, "--engine", "mujoco")
     assert done.returncode == 3
     assert (
-        "crosscheck: arm.skel: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run without a folder; name one of"
+        "crosscheck: arm.skel: only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run"
         in done.stderr
     )
     assert done.stderr.endswith("skipped unknown targets: missing.urdf, arm.skel\n")
@@ -350,7 +347,11 @@ def test_malformed_xml_fails_before_a_worker_process_starts(
 @pytest.mark.workers
 def test_file_is_parsed_only_in_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parsed: list[str] = []
-    written(tmp_path, "inner.urdf", "<robot>\n  <link name='a'>\n</robot>\n")
+    written(
+        tmp_path,
+        "inner.urdf",
+        "<robot>\n  <link name='a'><inertial><mass value='1'/></inertial>\n</robot>\n",
+    )
     monkeypatch.setattr(elements, "_parse", lambda source: parsed.append(source.file.name))
     done = crosscheck(tmp_path, "inner.urdf")
     assert done.returncode == 3

@@ -85,7 +85,7 @@ def test_ini_file_can_name_robot_files(project: Project) -> None:
 @pytest.mark.parametrize(("name", "why"), [
     ("robots/other.urdf", "robots/other.urdf: there is no such file"),
     ("robots/.hidden/none", "robots/.hidden/none: no such folder"),
-    ("robots/deep/notes.txt", "only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run without a folder"),
+    ("robots/deep/notes.txt", "only .urdf, .sdf, .xml, .usd, .usda, .usdc and .usdz run"),
     ("empty", "empty: no system.py and no robot file in it or below it"),
 ])  # fmt: skip
 def test_path_without_a_target_is_a_usage_error(
