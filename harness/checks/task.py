@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.robot import armatures_of
@@ -101,7 +101,7 @@ class ModelTask(Generic[P]):
     def with_file(self, file: Path) -> ModelTask[P]:
         """Return the task of a copy of the file."""
         # A layer over a file in USD names it, which was checked before.
-        allowed = {"allow_outside": True} if file.suffix in SUFFIXES else {}
+        allowed = {"allow_outside": True} if file.suffix in USD_SUFFIXES else {}
         settings = {**self.spec.settings, **allowed}
         return replace(self, spec=replace(self.spec, path=file, settings=settings))
 

@@ -42,6 +42,21 @@ _KINDS = {
     stat.S_IFDIR: "a folder",
 }
 
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+"""Suffixes of USD files."""
+
+STAGE_SETTINGS = ("variants", "allow_outside")
+"""Settings of engines with which a stage is opened, as of `UsdStage`."""
+
+USD_VARIANTS, USD_OUTSIDE = "CROSSCHECK_USD_VARIANTS", "CROSSCHECK_USD_OUTSIDE"
+"""Environment variables with these settings: `SET=NAME` for each variant, and `1`."""
+
+CRATE, PACKAGE = b"PXR-USDC", b"PK\x03\x04"
+"""First bytes of a binary layer and of a package, which have no lines."""
+
+USD_HEAD = rb"\A(PXR-USDC|PK\x03\x04|#usda(?s:.*)(\"Physics\w+API\b|\bPhysics\w*Joint\b|@))"
+"""Content of a layer or a package that may be a robot's: text with physics, or of other layers."""
+
 
 def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     """Return the bytes of a plain file, without opening a pipe or a device, which could block.

@@ -20,25 +20,18 @@ import numpy as np
 from physics_crosscheck.reference.mechanism.rotations import Array, Place
 from .elements import Number
 from .errors import LocationError, ReadError, ReadKind, RefusedFileError, quote, truncate
-from .reading import MAX_MODEL_BYTES, SourceFile, read_regular
-
-SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-"""Suffixes of USD files."""
-
-STAGE_SETTINGS = ("variants", "allow_outside")
-"""Settings of engines with which a stage is opened, as of `UsdStage`."""
-
-VARIANTS, OUTSIDE = "CROSSCHECK_USD_VARIANTS", "CROSSCHECK_USD_OUTSIDE"
-"""Environment variables with these settings: `SET=NAME` for each variant, and `1`."""
+from .reading import (
+    CRATE,
+    MAX_MODEL_BYTES,
+    PACKAGE,
+    USD_OUTSIDE,
+    USD_VARIANTS,
+    SourceFile,
+    read_regular,
+)
 
 MAX_LAYERS = 500
 """The most layers of a stage."""
-
-CRATE, PACKAGE = b"PXR-USDC", b"PK\x03\x04"
-"""First bytes of a binary layer and of a package, which have no lines."""
-
-USD_HEAD = rb"\A(PXR-USDC|PK\x03\x04|#usda(?s:.*)(\"Physics\w+API\b|\bPhysics\w*Joint\b|@))"
-"""Content of a layer or a package that may be a robot's: text with physics, or of other layers."""
 
 _PHYSICAL = re.compile(
     r"(physics|newton|mjc|physx\w*|drive|limit|state|xformOp):.+|size|radius|height"
@@ -112,7 +105,7 @@ class UsdStage:
         # Held while it opens, so that warnings stay off the screen.
         delegate = pxr.UsdUtils.CoalescingDiagnosticDelegate()
         try:
-            is_allowed = bool(settings.get("allow_outside") or os.environ.get(OUTSIDE))
+            is_allowed = bool(settings.get("allow_outside") or os.environ.get(USD_OUTSIDE))
             root = _checked_root(pxr, path, is_allowed)
             self._session, self._moves = (pxr.Sdf.Layer.CreateAnonymous(".usda") for _ in range(2))
             self._session.subLayerPaths.append(self._moves.identifier)
@@ -134,7 +127,7 @@ class UsdStage:
 
     def _select(self, stated: object) -> tuple[str, ...]:
         chosen: dict[str, None] = {}
-        words = shlex.split(os.environ.get(VARIANTS, ""))
+        words = shlex.split(os.environ.get(USD_VARIANTS, ""))
         variants = dict(word.split("=", 1) for word in words if "=" in word)
         variants.update(stated if isinstance(stated, Mapping) else {})
         unused = dict(variants)

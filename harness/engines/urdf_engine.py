@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, SUFFIXES
+from physics_crosscheck.harness.documents.reading import STAGE_SETTINGS, USD_SUFFIXES
 from physics_crosscheck.harness.engines.installed import version_of
 from physics_crosscheck.harness.engines.mjcf_source import with_options
 from physics_crosscheck.harness.engines.protocol import (
@@ -43,7 +43,7 @@ CONTROLS = "controls"
 """The setting for held actuator inputs."""
 
 _STATED: Mapping[str, Callable[[ModelSpec], ModelSpec]] = MappingProxyType(
-    {SDF: stated, MJCF: with_options, **dict.fromkeys(SUFFIXES, with_stage_settings)}
+    {SDF: stated, MJCF: with_options, **dict.fromkeys(USD_SUFFIXES, with_stage_settings)}
 )
 """Readers of values that these formats state and others need as settings."""
 
@@ -77,7 +77,7 @@ class UrdfEngine(Engine):
             {ARMATURES}
             | self.switches & {CONTROLS}
             | ({MODEL} if spec.path.suffix == SDF else set())
-            | (set(STAGE_SETTINGS) if spec.path.suffix in SUFFIXES else set())
+            | (set(STAGE_SETTINGS) if spec.path.suffix in USD_SUFFIXES else set())
         )
         check_settings(
             spec, self.title, self.default_settings_note, self.defaults, self.words, others

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.elements import xml_problem
 from physics_crosscheck.harness.documents.expanded import RENAMED
-from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES
-from physics_crosscheck.harness.documents.usd import SUFFIXES, USD_HEAD
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, USD_HEAD, USD_SUFFIXES
 from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
 from physics_crosscheck.harness.results.visible import odd_name, visible
 
@@ -39,7 +38,7 @@ FORMATS: Mapping[str, Format] = {
     ".urdf": Format(package="urdf"),
     ".sdf": Format(package="sdf"),
     ".xml": Format(package="mjcf", strict=False, head=rb"<mujoco(?!include)"),
-    **dict.fromkeys(SUFFIXES, Format(package="usd", is_xml=False, head=USD_HEAD)),
+    **dict.fromkeys(USD_SUFFIXES, Format(package="usd", is_xml=False, head=USD_HEAD)),
 }
 """Formats by suffix. A new one is a package beside this module, with two functions of a file and of
 settings of the engines that run it: `read` returns a `Robot`, `numbers` a `ModelFile`.

@@ -11,12 +11,13 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.elements import check_harmless, read_elements
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.reading import (
+    CRATE,
     MAX_MODEL_BYTES,
+    USD_SUFFIXES,
     SourceFile,
     not_plain_file_error,
     read_regular,
 )
-from physics_crosscheck.harness.documents.usd import CRATE, SUFFIXES
 from physics_crosscheck.harness.engines.registry import engines_reading
 from .code_reads import digest
 
@@ -138,18 +139,18 @@ def _layers(model: Path) -> dict[Path, bool]:
         names = [name.decode(errors="replace") for name in _ASSET.findall(data)]
         files = [path.parent / name.partition("[")[0].partition(":SDF_")[0] for name in names]
         if data.startswith(CRATE):
-            layers = (one for one in model.parent.rglob("*.usd*") if one.suffix in SUFFIXES)
+            layers = (one for one in model.parent.rglob("*.usd*") if one.suffix in USD_SUFFIXES)
             files = sorted(islice(layers, MAX_BESIDE))
         for file in map(Path, map(os.path.normpath, files)):
             if file not in result and file != model and _is_file(file):
-                result[file] = file.suffix in SUFFIXES
+                result[file] = file.suffix in USD_SUFFIXES
                 waiting += [file] if result[file] else []
     return result
 
 
 def _walk(model: Path) -> tuple[dict[Path, bool], int]:
     """Return named files, each with whether it is a part of the model, and the depth of parts."""
-    if model.suffix in SUFFIXES:
+    if model.suffix in USD_SUFFIXES:
         return _layers(model), 0
     result: dict[Path, bool] = {}
     first = {os.path.realpath(model): model}  # a file has one spelling, the first that occurs

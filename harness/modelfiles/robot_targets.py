@@ -20,9 +20,8 @@ from physics_crosscheck.harness.documents.expanded import (
     replaced,
     without_comments,
 )
-from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
+from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, USD_SUFFIXES, read_regular
 from physics_crosscheck.harness.documents.sdf.expand import sdf_models
-from physics_crosscheck.harness.documents.usd import SUFFIXES
 from physics_crosscheck.harness.results.visible import odd_name, visible
 from .folders import FORMATS, FolderError, is_robot, is_system, similar_path
 from .parts import included
@@ -252,7 +251,7 @@ def _below(here: Path) -> tuple[list[Path], list[Path]]:
         if is_system(base):
             folders.append(base)
         files += [base / name for name in names if is_robot(base / name)]
-    stages = [one for one in files if one.suffix in SUFFIXES]
+    stages = [one for one in files if one.suffix in USD_SUFFIXES]
     layers = {os.path.normpath(part) for one in stages for part in included(one)}
     return folders, [one for one in files if os.path.normpath(one) not in layers]
 

@@ -22,7 +22,7 @@ from typing import Any
 import msgspec
 
 from physics_crosscheck.harness.baseline.fingerprint import folder_files, versions
-from physics_crosscheck.harness.documents.usd import OUTSIDE, VARIANTS
+from physics_crosscheck.harness.documents.reading import USD_OUTSIDE, USD_VARIANTS
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.graph import Task
 from physics_crosscheck.harness.modelfiles.code_reads import (
@@ -208,7 +208,7 @@ def _environment() -> str:
         *(f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES),
         *(f"{name} {version}" for name, version in versions().items() if version is not None),
         *map(_source, SOURCES),
-        *(os.environ.get(name, "") for name in (VARIANTS, OUTSIDE)),
+        *(os.environ.get(name, "") for name in (USD_VARIANTS, USD_OUTSIDE)),
     ]
     return digest_of(msgspec.json.encode(version_list))
 

@@ -14,7 +14,8 @@ from physics_crosscheck.harness.documents.document import Document, finite_numbe
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError, quote
 from physics_crosscheck.harness.documents.expanded import locate_file
-from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.mesh_files import MeshError, mesh_vertices
@@ -257,7 +258,7 @@ class RobotFacts:
     @cached_property
     def stage(self) -> UsdStage | None:
         """Stage of a USD robot; None for other files."""
-        is_usd = self.robot.file.suffix in SUFFIXES
+        is_usd = self.robot.file.suffix in USD_SUFFIXES
         return UsdStage(self.robot.file, self.robot.stated) if is_usd else None
 
     def inertial_line(self, link: str) -> SourceLine:

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.documents.expanded import relocated, with_sources
-from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
@@ -218,7 +218,7 @@ def _decided(
     rows = deciding(compared, options.resolution, unknown)
     every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
     rounded = []
-    if any(one.sidecar.model.suffix in SUFFIXES for one in prepared.models):
+    if any(one.sidecar.model.suffix in USD_SUFFIXES for one in prepared.models):
         rounded = [
             row for row in every if row.relative is not None and row.relative <= FLOAT_DIGITS
         ]

@@ -13,7 +13,8 @@ from physics_crosscheck.harness.checks.scene import scene_record
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.usd import SUFFIXES, UsdStage
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.protocol import Array, EngineError
 from physics_crosscheck.harness.modelfiles.mjcf.stated import StatedLaws
 from physics_crosscheck.harness.modelfiles.readers import names_of
@@ -159,7 +160,7 @@ class ModelSide:
     def _stage(self) -> UsdStage | None:
         """The stage of a file in USD; None for other files."""
         try:
-            is_stage = self.file.suffix in SUFFIXES
+            is_stage = self.file.suffix in USD_SUFFIXES
             settings = self.facts.candidate.settings
             return UsdStage(self.file, settings) if is_stage else None
         except LocationError:

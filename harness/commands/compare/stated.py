@@ -15,7 +15,7 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
-from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.modelfiles.robot import PlacedShape
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.reference.mechanism.numeric import Array
@@ -122,7 +122,7 @@ def _matched(
     of_a = _placed(a, {row.a: (row.a, IDENTITY) for row in rows})
     of_b = _placed(b, links)
     if a.file.suffix != b.file.suffix:  # only an MJCF states the surroundings of a robot
-        is_read = {a.file.suffix, b.file.suffix}.isdisjoint(SUFFIXES)  # those of USD are not
+        is_read = {a.file.suffix, b.file.suffix}.isdisjoint(USD_SUFFIXES)  # those of USD are not
         of_a, of_b = ([x for x in one if x.link != WORLD and is_read] for one in (of_a, of_b))
     size = max(a.placed.size, b.placed.size)
     touching_a, touching_b = ([x for x in one if _touches(x)] for one in (of_a, of_b))

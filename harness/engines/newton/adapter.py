@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.mjcf_engine import sample_mjcf
 from physics_crosscheck.harness.engines.newton.layout import Layout
 from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
@@ -218,7 +218,7 @@ class NewtonEngine(UrdfEngine):
 
     name = "newton"
     title = "Newton"
-    formats = (".urdf", ".xml", *SUFFIXES)
+    formats = (".urdf", ".xml", *USD_SUFFIXES)
     package, distribution, extra = "newton", "newton", "newton"
     defaults = DEFAULTS
     non_physical = MappingProxyType({**UrdfEngine.non_physical, **USD_NON_PHYSICAL})
@@ -245,7 +245,7 @@ class NewtonEngine(UrdfEngine):
         """Load a file whose settings are valid."""
         if spec.path.suffix == ".urdf":
             return NewtonUrdf(spec)
-        return NewtonTree(spec, read_usd if spec.path.suffix in SUFFIXES else read_mjcf)
+        return NewtonTree(spec, read_usd if spec.path.suffix in USD_SUFFIXES else read_mjcf)
 
     def samples(self) -> tuple[Sample, ...]:
         """Return one sample of each format."""

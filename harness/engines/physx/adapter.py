@@ -35,7 +35,7 @@ from types import MappingProxyType
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
-from physics_crosscheck.harness.documents.usd import SUFFIXES
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.physx.scene import FASTEST, PhysxScene, StageLayer
 from physics_crosscheck.harness.engines.protocol import (
     Array,
@@ -99,7 +99,7 @@ class PhysxEngine(UrdfEngine):
     name = extra = "physx"
     title = "PhysX"
     package = distribution = "ovphysx"
-    formats = SUFFIXES
+    formats = USD_SUFFIXES
     takes_springs = ()
     switches = frozenset({"smooth", "held"})
     non_physical: Mapping[str, str] = MappingProxyType({})

@@ -16,7 +16,7 @@ from itertools import groupby
 from typing import TextIO, cast
 
 from physics_crosscheck.harness import __version__
-from physics_crosscheck.harness.documents.usd import OUTSIDE, VARIANTS
+from physics_crosscheck.harness.documents.reading import USD_OUTSIDE, USD_VARIANTS
 from physics_crosscheck.harness.jobs.environment import claim_defaults
 from physics_crosscheck.harness.jobs.stop import Stopped, raising
 from physics_crosscheck.harness.paths import RESOLUTION
@@ -89,9 +89,9 @@ def _parse_and_run(given: Sequence[str]) -> int:
         # A resolution that the user states also counts where an engine's own precision is less.
         options.exact = options.resolution is not None
         options.resolution = options.resolution or RESOLUTION
-    for name, key in ((XACRO_ARGUMENTS, "xacro_arg"), (VARIANTS, "variant")):
+    for name, key in ((XACRO_ARGUMENTS, "xacro_arg"), (USD_VARIANTS, "variant")):
         os.environ.update({name: shlex.join(words)} if (words := getattr(options, key, ())) else {})
-    os.environ.update({OUTSIDE: "1"} if getattr(options, "allow_outside", False) else {})
+    os.environ.update({USD_OUTSIDE: "1"} if getattr(options, "allow_outside", False) else {})
     for note in getattr(options, "settings_notes", ()):
         print(f"crosscheck: {note}", file=sys.stderr)
     return _guarded(commands[options.command], options)

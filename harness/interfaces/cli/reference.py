@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 
-from physics_crosscheck.harness.documents.usd import OUTSIDE, VARIANTS
+from physics_crosscheck.harness.documents.reading import USD_OUTSIDE, USD_VARIANTS
 from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, page_texts, schema_text
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.results.messages import pages
@@ -58,8 +58,8 @@ _VARIABLES = f"""
 |---|---|
 | `{SCHEDULER}` | Address of a Dask scheduler, as `--scheduler` |
 | `{XACRO_ARGUMENTS}` | Arguments of xacro sources, as `--xacro-arg` |
-| `{VARIANTS}` | Variants of USD robots, as `--variant` |
-| `{OUTSIDE}` | If set, as `--allow-outside` |
+| `{USD_VARIANTS}` | Variants of USD robots, as `--variant` |
+| `{USD_OUTSIDE}` | If set, as `--allow-outside` |
 | `CI` | If set, print logs instead of a progress bar; `accept` refuses to run |
 | `GITHUB_ACTIONS` | If `true`, also print annotations for GitHub |
 | `NO_COLOR` | If set, print without colors |

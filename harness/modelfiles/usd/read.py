@@ -18,8 +18,9 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic, free_name
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError, quote
+from physics_crosscheck.harness.documents.reading import STAGE_SETTINGS
 from physics_crosscheck.harness.documents.sdf.frames import inverse
-from physics_crosscheck.harness.documents.usd import STAGE_SETTINGS, UsdStage
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.reference.mechanism.assemble import assemble
 from physics_crosscheck.reference.mechanism.bodies import ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
