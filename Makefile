@@ -27,9 +27,9 @@ pytest: .venv/.test
 
 # Whole files and matrices, each five seconds and more. Files without such tests are not imported;
 # the longest are dealt first.
-LONG := $(wildcard $(addprefix tests/,cases/test_events.py scaffold/test_new.py laws/test_whole_step.py \
+LONG := $(wildcard $(addprefix tests/,cases/test_events.py laws/test_whole_step.py \
 	laws/test_mistakes.py faults/test_real_engines.py scaffold/test_new_bodies.py \
-	diagnosis/test_builtin_faults.py schedule/test_cluster.py))
+	diagnosis/test_random_draws.py schedule/test_cluster.py))
 marked = $(shell grep -rl --include 'test_*.py' 'mark\.$(1)' tests)
 test-slow: .venv/.test
 	$(PYTEST) $(LONG) $(filter-out $(LONG),$(call marked,slow)) -m slow
@@ -50,7 +50,7 @@ KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/drop \
 ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
-		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py \
+		tests/files/test_motions.py tests/numerics/test_stepping.py \
 		tests/scaffold/test_new_sdf.py
 	$(ALL)/python -m pytest -n 2 -m "mujoco or pybullet or pymunk or pinocchio" --crosscheck models \
 		--crosscheck-thorough $(KNOWN:%=--deselect 'models/events/%') models
