@@ -194,7 +194,7 @@ class UsdStage:
         size = 9.81 if stated < 0 else stated * self.unit
         if not direction.any():
             direction = -np.eye(3)[self.up]
-        x, y, z = (size * direction / np.linalg.norm(direction)).tolist()
+        x, y, z = (size * direction / np.linalg.norm(direction) + 0.0).tolist()  # no -0.0
         return x, y, z
 
     @property
