@@ -52,10 +52,11 @@ def compare(first: Path, path: Path, clones: Path, into: Path) -> None:
     """Compare two formats of a robot, and keep the command and what it printed."""
     words = ["compare", *(str(one.relative_to(clones)) for one in (first, path))]
     made = subprocess.run(
-        [*PROGRAM, *words], cwd=clones, capture_output=True, text=True, check=False,
-        errors="replace",
+        [*PROGRAM, *words, "--out", str(into.parent)], cwd=clones, capture_output=True, text=True,
+        check=False, errors="replace",
     )  # fmt: skip
-    write_whole(into, f"$ crosscheck {' '.join(words)}\n{made.stdout or made.stderr}")
+    printed = (made.stdout or made.stderr).partition("\nReport: ")[0]
+    write_whole(into, f"$ crosscheck {' '.join(words)}\n{printed}\n")
 
 
 def kept(file: RobotFile, store: Path) -> Done | None:

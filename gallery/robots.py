@@ -71,16 +71,12 @@ class RobotFile:
             _git(folder, "sparse-checkout", "init", "--cone")
         if _git(folder, "cat-file", "-e", self.commit, check=False):
             _git(folder, "fetch", "--depth", "1", "--filter=blob:none", "origin", self.commit)
-        place = Path(*Path(self.path).parts[:-1][:_DEPTH])
+        place = Path(*Path(self.path).parts[:-1][:2])  # with meshes and included files
         _git(folder, "sparse-checkout", "add", str(place), check=False)
         _git(folder, "checkout", "--quiet", self.commit, check=False)
         if not (folder / self.path).is_file():
             raise FileNotFoundError(f"{self.address}: the repository has no such file")
         return folder / self.path
-
-
-_DEPTH = 2
-"""Depth of the folder that contains a robot's meshes and included files."""
 
 
 def _git(folder: Path, *arguments: str, check: bool = True) -> int:

@@ -8,6 +8,7 @@ import io
 import shutil
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from filecmp import cmp
 from pathlib import Path
 
 import jinja2
@@ -25,7 +26,7 @@ from physics_crosscheck.harness.results.headline import engine_title, headline
 from .robots import RobotFile
 
 PAGES = Path(__file__).with_name("pages")
-PICTURE = "picture.png"
+PICTURE, RESULTS = "picture.png", "results.json"
 COMPARISON = "compare.txt"
 """A command that compares the file with the robot's first one, and what it printed."""
 
@@ -172,10 +173,10 @@ def _messages(results: Results) -> Iterator[tuple[str, str, str, str]]:
 
 def changes(cells: Sequence[Cell], before: Sequence[Cell]) -> list[str]:
     """Return a sentence for each cell whose outcome or digits changed, worst first."""
-    past = {(one.file.split("/blob/")[0] + one.page, one.engine): one for one in before}
+    past = {(one.page, one.engine): one for one in before}
     lines = []
     for cell in sorted(cells, key=lambda one: -one.outcome.severity):
-        old = past.get((cell.file.split("/blob/")[0] + cell.page, cell.engine))
+        old = past.get((cell.page, cell.engine))
         if old is not None and (old.outcome, old.text) != (cell.outcome, cell.text):
             versions = f"{old.version} to {cell.version}" if old.version != cell.version else "same"
             lines.append(
@@ -193,7 +194,6 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
         store: folder with a folder for each file.
         entries: the files that ran.
     """
-    site.mkdir(parents=True, exist_ok=True)
     rows = [(entry, entry.cells) for entry in entries]
     cells = [cell for _, row in rows for cell in row.values()]
     names = list(dict.fromkeys(one.engine for one in cells if one.engine != "-"))
@@ -204,12 +204,13 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
     )
 
     def write(path: str, page: str, title: str, **values: object) -> None:
-        (site / path).parent.mkdir(parents=True, exist_ok=True)
         text = template(pages.get_template(page), title=title, titles=engine_title, **values)
         write_whole(site / path, text)
 
     for entry in entries:
         source, target = store / entry.file.slug, site / "robots" / entry.file.slug
+        if (target / RESULTS).exists() and not cmp(source / RESULTS, target / RESULTS):
+            (target / PICTURE).unlink(missing_ok=True)  # of the robot before
         shutil.copytree(source, target, dirs_exist_ok=True)
     folders = [site / "robots" / entry.file.slug for entry in entries]
     write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
@@ -259,7 +260,5 @@ def _write_cells(site: Path, cells: Sequence[Cell]) -> None:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(Cell.__struct_fields__)
-    table.writerows(
-        [msgspec.to_builtins(getattr(one, key)) for key in Cell.__struct_fields__] for one in cells
-    )
+    table.writerows(msgspec.structs.astuple(cell) for cell in cells)
     write_whole(site / "gallery.csv", text.getvalue())

@@ -279,7 +279,8 @@ class UsdStage:
         """Yield all numbers of a mechanism that layers state, in the order of the prims."""
         for attribute in (one for prim in self.prims for one in prim.GetAuthoredAttributes()):
             prim, name = attribute.GetPrim(), str(attribute.GetName())
-            values = _words(attribute.Get()) if _PHYSICAL.fullmatch(name) else ()
+            if not (_PHYSICAL.fullmatch(name) and (values := _words(attribute.Get()))):
+                continue
             place = self.place(prim, name)
             for word, value in enumerate(values):
                 yield Number(

@@ -1,4 +1,4 @@
-"""A USD stage as Newton reads it."""
+"""A USD stage as Newton reads it; a drive's target outside of the limits becomes their middle."""
 
 from __future__ import annotations
 
