@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from physics_crosscheck.harness.commands.mutation.faults import FAULTS
 from physics_crosscheck.harness.commands.mutation.mistakes import (
     Edit,
     Mistake,
@@ -17,7 +16,7 @@ from physics_crosscheck.harness.commands.mutation.mistakes import (
     known_mistakes,
 )
 from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutate, mutated
-from physics_crosscheck.harness.commands.mutation.survey import MutationError
+from physics_crosscheck.harness.commands.mutation.survey import FAULTS, MutationError
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import with_literals
 from physics_crosscheck.harness.modelfiles.folders import builtin

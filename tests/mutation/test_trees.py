@@ -11,9 +11,8 @@ from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare, prepare_tree
 from physics_crosscheck.harness.checks.task import TreeTask, model_task
 from physics_crosscheck.harness.commands.mutation import trees
-from physics_crosscheck.harness.commands.mutation.faults import FAULTS
 from physics_crosscheck.harness.commands.mutation.mutate import faults_of, mutate, mutated
-from physics_crosscheck.harness.commands.mutation.survey import MutationError, PlantedFault
+from physics_crosscheck.harness.commands.mutation.survey import FAULTS, MutationError, PlantedFault
 from physics_crosscheck.harness.commands.mutation.text import mutation_lines, summary
 from physics_crosscheck.harness.commands.mutation.trees import law_mistakes
 from physics_crosscheck.harness.engines.registry import engines

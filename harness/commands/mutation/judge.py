@@ -16,8 +16,7 @@ from physics_crosscheck.harness.records.cause import CauseId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.results.status import percent
 from physics_crosscheck.reference.mechanism.numeric import Array
-from .faults import SIZES
-from .survey import FaultSurvey, PlantedFault
+from .survey import SIZES, FaultSurvey, PlantedFault
 
 RESOLUTION = 1e-9
 """Uncertainty of motions up to which a model can agree."""

@@ -7,7 +7,7 @@ from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from physics_crosscheck.harness.render.terminal.console import wrapped
 from physics_crosscheck.harness.results.status import counted
-from .faults import FAULTS, SIZES
+from .survey import FAULTS, SIZES
 
 MARKS = {
     FaultVerdict.NAMED: "named",

@@ -7,8 +7,6 @@ so only numbers that affect one of them, or the place of a shape, are run.
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +23,6 @@ from physics_crosscheck.harness.diagnosis.robot_task import (
     ranked,
 )
 from physics_crosscheck.harness.documents.elements import Number
-from physics_crosscheck.harness.engines.protocol import DefaultLeftOn
-from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.numbers import SMALL, ModelFile
 from physics_crosscheck.harness.modelfiles.readers import robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
@@ -36,10 +32,9 @@ from physics_crosscheck.harness.records.mutation import FaultVerdict, Mutation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.solving.integrate import ReferenceError
-from .faults import SIZES
 from .judge import with_ranking
-from .mistakes import Edit, Mistake
-from .survey import MutationError, PlantedFault
+from .mistakes import Edit, Mistake, defaults_left_on
+from .survey import SIZES, MutationError, PlantedFault
 
 GRAMS = 1000.0
 """Factor of a mass that is stated in grams."""
@@ -55,28 +50,12 @@ def tree_mistakes(task: TreeTask, numbers: ModelFile) -> Iterator[Mistake]:
         for place, group in groups.items():
             if re.fullmatch(pattern, next(iter(group.values())).path):
                 yield from _changed(name, place, group, change(group))
-    yield from _left_on(task, whole=False)
-
-
-def _left_on(task: TreeTask, *, whole: bool) -> Iterator[Mistake]:
-    """Yield each default of the engine that is left on; `whole`: one of whole steps."""
-    for usual in engines()[task.engine].usual_mistakes:
-        if (
-            isinstance(usual, DefaultLeftOn)
-            and usual.whole == whole
-            and task.spec.settings.get(usual.setting) != usual.value
-        ):
-            yield Mistake(
-                name=usual.name,
-                location=f"settings.{usual.setting}",
-                edit=Edit(settings={usual.setting: usual.value}, law=usual.cause if whole else ""),
-                causes=frozenset({CauseId(kind="default", subject=(usual.cause,))}),
-            )
+    yield from defaults_left_on(task, whole=False)
 
 
 def law_mistakes(task: TreeTask, problem: LawProblem) -> Iterator[Mistake]:
     """Yield every other choice of a number, and every mistake in the laws, that has a place."""
-    yield from _left_on(task, whole=True)
+    yield from defaults_left_on(task, whole=True)
     for index, others in problem.numbers.law_choices.items():
         address = problem.numbers.numerals[index].address
         for value in others:
@@ -229,31 +208,23 @@ def _first_in_steps(laws: LawProblem, resolution: float) -> Iterator[tuple[int, 
         yield index, _first(laws.effect(k), size, resolution)
 
 
+_SOUND: dict[tuple[Path, str], LawProblem | None] = {}
+"""The last sound file with its laws, by the file and the engine."""
+
+
 def sound_laws(task: TreeTask) -> LawProblem | None:
     """Return the sound file with its laws, where whole steps agree with them; None otherwise.
 
     A process keeps the last one.
     """
-    return _sound_laws(_LawKey(task=task, file=task.file, engine=task.engine))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _LawKey:
-    """A task, which its file and engine identify within one command."""
-
-    task: TreeTask = field(compare=False)
-    file: Path
-    engine: str
-
-
-@lru_cache(maxsize=1)
-def _sound_laws(key: _LawKey) -> LawProblem | None:
-    task = key.task
-    if task.sidecar is not None or task.target.smooth:
-        return None
-    laws = law_problem(task)
-    agrees = laws is not None and laws.judge(task.resolution).outcome is Outcome.AGREES
-    return laws if agrees else None
+    key = task.file, task.engine
+    if key not in _SOUND:
+        _SOUND.clear()
+        alone = task.sidecar is None and not task.target.smooth
+        laws = law_problem(task) if alone else None
+        agrees = laws is not None and laws.judge(task.resolution).outcome is Outcome.AGREES
+        _SOUND[key] = laws if agrees else None
+    return _SOUND[key]
 
 
 def _wrong(entry: Number, index: int, name: str, share: float) -> Mistake:

@@ -12,11 +12,13 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import scipy
 
@@ -35,11 +37,9 @@ from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.stop import Stop, asking
-from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.modelfiles.code_reads import UNKNOWN, digest_of
 from physics_crosscheck.harness.modelfiles.folders import FolderError, check_engines
 from physics_crosscheck.harness.modelfiles.parts import input_files, part_digests
-from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -51,31 +51,7 @@ from .case import run_block
 from .factors import Design, SweepError, SweepOptions, factors
 from .plan import CasePlan, SourceSurvey, plan, survey
 from .planned import Block, blank
-from .store import RowsError, Store, arrow, begin, done, kept, locked_rows, plan_of, read_rows
-
-
-class LargestRows:
-    """The largest rows up to a maximum number; of equal ones, those with the lowest numbers."""
-
-    def __init__(self, size: Callable[[SweepRow], float | None], count: int) -> None:
-        self._size, self._count = size, count
-        self._heap: list[tuple[float, int, SweepRow]] = []
-
-    def add(self, entry: SweepRow) -> None:
-        """Add an item, unless it has no size."""
-        value = self._size(entry)
-        if value is None or math.isnan(value):
-            return
-        item = value, -entry.index, entry
-        if len(self._heap) < self._count:
-            heapq.heappush(self._heap, item)
-        elif item > self._heap[0]:
-            heapq.heapreplace(self._heap, item)
-
-    def items(self) -> list[SweepRow]:
-        """Return the items, largest first."""
-        return [one for *_, one in sorted(self._heap, reverse=True)]
-
+from .store import RowsError, Store, arrow, begin, done, locked_rows, plan_of, read_rows
 
 TROUBLES, EXTREMES = 10, 3
 """Listed cases: the worst without agreement; those with the fewest digits or largest errors."""
@@ -100,30 +76,16 @@ def _error(row: SweepRow) -> float | None:
     return None if row.outcome is Outcome.FAILED else row.global_error
 
 
-@dataclass
-class _Group:
-    outcomes: collections.Counter[str] = field(default_factory=collections.Counter)
-    digits: float = math.inf
-    error: float = -math.inf
-
-    def add(self, row: SweepRow) -> None:
-        self.outcomes[row.outcome.value] += 1
-        if row.outcome is Outcome.AGREES and row.digits is not None:
-            self.digits = min(self.digits, row.digits)
-        if row.outcome is not Outcome.FAILED and row.global_error is not None:
-            self.error = max(self.error, row.global_error)
+RANKINGS = ((_badness, TROUBLES), (_few_digits, EXTREMES), (_error, EXTREMES))
+"""Sizes by which the listed cases are the largest, and their numbers."""
 
 
 def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     """Summarize all rows in one pass."""
     done = steps = 0
     outcomes, digits = collections.Counter[str](), collections.Counter[str]()
-    groups: dict[tuple[str, str, str], _Group] = {}
-    extremes = (
-        LargestRows(_badness, TROUBLES),
-        LargestRows(_few_digits, EXTREMES),
-        LargestRows(_error, EXTREMES),
-    )
+    groups: dict[tuple[str, str, str], SweepGroup] = {}
+    extremes: list[list[tuple[float, int, SweepRow]]] = [[] for _ in RANKINGS]
     rng = np.random.default_rng(0)
     sampled: list[SweepRow] = []
     seconds = np.zeros(4)
@@ -134,31 +96,23 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
         outcomes[row.outcome.value] += 1
         if row.outcome is Outcome.AGREES and row.digits is not None:
             digits[str(math.floor(row.digits))] += 1
-        groups.setdefault((row.system, row.engine, row.integrator), _Group()).add(row)
-        for ranking in extremes:
-            ranking.add(row)
+        key = row.system, row.engine, row.integrator
+        groups[key] = _with_row(groups.get(key), row)
+        for i, (size, count) in enumerate(RANKINGS):
+            if (value := size(row)) is not None:
+                extremes[i] = heapq.nlargest(count, [*extremes[i], (value, -row.index, row)])
         if len(sampled) < POINTS:
             sampled.append(row)
         elif (place := int(rng.integers(done))) < POINTS:  # reservoir sampling (Vitter 1985)
             sampled[place] = row
-    worst = {row.index: row for ranking in extremes for row in ranking.items()}
+    worst = {row.index: row for ranking in extremes for *_, row in ranking}
     engine, reference, loading, every = seconds.tolist()
     return SweepSummary(
         plan=plan,
         done=done,
         outcomes={o.value: outcomes[o.value] for o in reversed(Outcome) if outcomes[o.value]},
         digits={name: digits[name] for name in sorted(digits, key=int)},
-        groups=tuple(
-            SweepGroup(
-                system=system,
-                engine=engine_name,
-                integrator=integrator,
-                outcomes=dict(group.outcomes),
-                least_digits=number(group.digits),
-                worst_error=number(group.error),
-            )
-            for (system, engine_name, integrator), group in sorted(groups.items())
-        ),
+        groups=tuple(group for _, group in sorted(groups.items())),
         worst=tuple(worst.values()),
         sampled=tuple(sorted(sampled, key=lambda row: row.index)),
         steps=steps,
@@ -169,26 +123,29 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     )
 
 
+def _with_row(group: SweepGroup | None, row: SweepRow) -> SweepGroup:
+    """Return a group with one more row; None stands for an empty one."""
+    if group is None:
+        group = SweepGroup(
+            system=row.system, engine=row.engine, integrator=row.integrator, outcomes={}
+        )
+    outcomes = {**group.outcomes, row.outcome.value: group.outcomes.get(row.outcome.value, 0) + 1}
+    digits = row.digits if row.outcome is Outcome.AGREES else None
+    every_digits = [one for one in (group.least_digits, digits) if one is not None]
+    errors = [one for one in (group.worst_error, _error(row)) if one is not None]
+    return msgspec.structs.replace(
+        group,
+        outcomes=outcomes,
+        least_digits=min(every_digits, default=None),
+        worst_error=max(errors, default=None),
+    )
+
+
 BLOCKS_PER_WORKER = 2
 """Blocks in flight per worker: a running one and a waiting one."""
 
 Progress = Callable[[int, int, SweepRow | None], None]
 """Called with the number of finished cases, the total, and one finished case."""
-
-
-def make_executor(options: SweepOptions, places: Sequence[Path]) -> Executor:
-    """Return the executor of a sweep: workers of this machine or of a cluster.
-
-    Raises:
-        ClusterError: if the cluster does not work.
-    """
-    return executor(
-        jobs=options.jobs,
-        limits=options.limits,
-        scheduler=options.scheduler,
-        files=partial(input_files, places),
-        engines=options.engines,
-    )
 
 
 def planned(options: SweepOptions, places: Sequence[Path], workers: Executor) -> CasePlan:
@@ -331,7 +288,7 @@ def sweep(
     with locked_rows(out):
         begin(out, record)
         before = done(out)
-        with kept(Store(out, record)) as store:
+        with closing(Store(out, record)) as store:
             running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
             first = [
                 job for _ in range(BLOCKS_PER_WORKER * whole.options.jobs) for job in running.next()
@@ -351,9 +308,6 @@ def run_single(whole: CasePlan, index: int, workers: Executor) -> SweepRow:
     if isinstance(outcome, Failure):
         return blank(block.cases[0], outcome)
     return outcome[0]
-
-
-JOBS = 2
 
 
 def main(options: argparse.Namespace) -> int:
@@ -378,8 +332,23 @@ def _sweep(options: argparse.Namespace) -> int:
     targets = resolve_targets(options.folders, standalone=options.standalone)
     if targets.named.faults:
         raise FolderError("; ".join(targets.named.faults.values()))
-    sweep_options = _sweep_options(options, targets.choice)
-    with make_executor(sweep_options, targets.paths) as workers, asking() as stop:
+    sweep_options = run_options(
+        SweepOptions,
+        options,
+        factors=factors(options.vary),
+        design=Design(options.design),
+        jobs=options.jobs or 2,
+        command=tuple(_command(options)),
+        choice=targets.choice,
+    )
+    executing = executor(
+        jobs=sweep_options.jobs,
+        limits=sweep_options.limits,
+        scheduler=sweep_options.scheduler,
+        files=partial(input_files, targets.paths),
+        engines=sweep_options.engines,
+    )
+    with executing as workers, asking() as stop:
         whole = planned(sweep_options, targets.paths, workers)
         for line in whole.left_out:
             print(f"crosscheck: skipped: {line}", file=sys.stderr)
@@ -389,28 +358,11 @@ def _sweep(options: argparse.Namespace) -> int:
             return _code({row.outcome.value: 1})
         with Counter("case", "running") as counter:
             sweep(whole, options.out, workers, counter, stop)
-    return _stopped(stop, options.out) or _summary(options.out)
-
-
-def _stopped(stop: Stop, out: Path) -> int:
-    """Return the exit code of an interrupted sweep; 0 if it finished."""
-    if not stop.requested:
-        return 0
-    resume = f"The same command resumes the sweep; it reuses the rows in {out}."
-    print(f"crosscheck: stopped by {stop.name}. {resume}", file=sys.stderr)
-    return SIGNALLED + stop.number
-
-
-def _sweep_options(options: argparse.Namespace, choice: CaseSelection) -> SweepOptions:
-    return run_options(
-        SweepOptions,
-        options,
-        factors=factors(options.vary),
-        design=Design(options.design),
-        jobs=options.jobs or JOBS,
-        command=tuple(_command(options)),
-        choice=choice,
-    )
+    if stop.requested:
+        resume = f"The same command resumes the sweep; it reuses the rows in {options.out}."
+        print(f"crosscheck: stopped by {stop.name}. {resume}", file=sys.stderr)
+        return SIGNALLED + stop.number
+    return _summary(options.out)
 
 
 def _command(options: argparse.Namespace) -> list[str]:

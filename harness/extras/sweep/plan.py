@@ -98,7 +98,8 @@ def survey(folder: str, *, content: str, options: SweepOptions) -> SourceSurvey:
         runs = [one for one in named if source.follows(*one)]
         absent = {name for _, name in runs if engines()[name].version() is None}
         pairings = list(_pairings(options, source, [one for one in runs if one[1] not in absent]))
-    kept = tuple(one for one in pairings if _wanted(one.integrator, options.integrators))
+    wanted = {name.casefold() for name in options.integrators}
+    kept = tuple(one for one in pairings if not wanted or one.integrator.casefold() in wanted)
     every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in pairings)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return SourceSurvey(
@@ -146,10 +147,6 @@ def _pairings(
             continue
         for other, settings in others.items():
             yield Pairing(model=model, engine=engine, integrator=other, settings=dict(settings))
-
-
-def _wanted(integrator: str, wanted: tuple[str, ...]) -> bool:
-    return not wanted or integrator.casefold() in {name.casefold() for name in wanted}
 
 
 def _is_selected(options: SweepOptions, folder: str, model: str, engine: str) -> bool:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -154,26 +153,8 @@ class StepClock:
         model.rollout = timed  # type: ignore[method-assign]
 
 
-Value = TypeVar("Value")
-
 KEPT = 4
-"""Size of a worker's cache."""
-
-
-class RecentValues(Generic[Value]):
-    """The last few results, by their inputs."""
-
-    def __init__(self) -> None:
-        self._values: OrderedDict[Hashable, Value] = OrderedDict()
-
-    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """Return a cached result, or make it."""
-        if key not in self._values:
-            self._values[key] = make()
-            while len(self._values) > KEPT:
-                self._values.popitem(last=False)
-        return self._values[key]
-
+"""Motions and equations that a worker keeps."""
 
 Integrators = tuple[str, Mapping[str, Mapping[str, object]]]
 """A model's own integrator, and others of its engine with the settings that select them."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.hold import locked
 from physics_crosscheck.harness.records.outcome import contradiction
 from physics_crosscheck.harness.records.read import ResultsError
@@ -35,20 +36,8 @@ SECONDS = 20.0
 COLUMN = "constant_"
 """Prefix of the columns of varied constants: `constant_k`."""
 
-_TEXT = (
-    "system",
-    "model",
-    "engine",
-    "scenario",
-    "integrator",
-    "outcome",
-    "decided_by",
-    "reason",
-    "kind",
-    "code",
-    "command",
-)
-_WHOLE = ("index", "draw", "steps")
+_TYPES = {int: "int64", float: "float64", Number: "float64"}
+"""Types of columns by those of fields; any other one is a text."""
 
 
 def arrow() -> Any:
@@ -142,9 +131,9 @@ class Store:
         self._waiting += rows
         is_due = time.monotonic() - self._since > SECONDS
         if len(self._waiting) >= PART or (is_due and self._waiting):
-            self.flush()
+            self.close()
 
-    def flush(self) -> None:
+    def close(self) -> None:
         """Write the waiting rows."""
         if self._waiting:
             table = self._arrow.Table.from_pylist(
@@ -257,17 +246,13 @@ def _flat_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _schema(pyarrow: Any, constants: Sequence[str]) -> Any:
-    fields = []
-    for name in SweepRow.__struct_fields__:
-        if name == "constants":
-            fields += [pyarrow.field(COLUMN + one, pyarrow.float64()) for one in constants]
-        elif name in _TEXT:
-            fields.append(pyarrow.field(name, pyarrow.string()))
-        elif name in _WHOLE:
-            fields.append(pyarrow.field(name, pyarrow.int64()))
+    columns: list[tuple[str, str]] = []
+    for one in msgspec.structs.fields(SweepRow):
+        if one.name == "constants":
+            columns += [(COLUMN + name, "float64") for name in constants]
         else:
-            fields.append(pyarrow.field(name, pyarrow.float64()))
-    return pyarrow.schema(fields)
+            columns.append((one.name, _TYPES.get(one.type, "string")))
+    return pyarrow.schema([(name, pyarrow.type_for_alias(kind)) for name, kind in columns])
 
 
 def _flat(row: SweepRow) -> dict[str, Any]:
@@ -298,12 +283,3 @@ def locked_rows(out: Path) -> Iterator[None]:
             yield
     except ResultsError as error:
         raise SweepError(str(error)) from None
-
-
-@contextlib.contextmanager
-def kept(store: Store) -> Iterator[Store]:
-    """Write the last rows of a store when the context ends, with or without an error."""
-    try:
-        yield store
-    finally:
-        store.flush()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,7 @@ from physics_crosscheck.reference.solving.next_state import (
 )
 from physics_crosscheck.reference.solving.segments import Motion, even_indices
 from physics_crosscheck.reference.solving.solve import solve
-from .planned import Block, CaseRecord, Integrators, Planned, RecentValues, Source, StepClock
+from .planned import KEPT, Block, CaseRecord, Integrators, Planned, Source, StepClock
 
 
 @dataclass(frozen=True)
@@ -88,12 +88,12 @@ class Swept(Source):
         self.system: System = load_system(folder)
         self.family = Family.compile(derive(self.system))
         self._models: dict[tuple[str, str], PreparedModel] = {}
-        self._motions = RecentValues[Motion]()
+        self.motion = lru_cache(maxsize=KEPT)(self._motion)
 
     def varying(self, varied: frozenset[str]) -> Swept:
         """Return the folder with other varied constants in its models; the equations are shared."""
         other = copy(self)
-        other.varied, other._models, other._motions = varied, {}, RecentValues[Motion]()
+        other.varied, other._models = varied, {}
         return other
 
     @property
@@ -147,16 +147,14 @@ class Swept(Source):
             )
         return self._models[name, engine]
 
-    def motion(self, draw: int, equations: DrawnEquations, scenario: str) -> Motion:
-        """Return the reference motion of a scenario in a draw.
+    def _motion(self, constants: tuple[tuple[str, float], ...], scenario: str) -> Motion:
+        """Return the reference motion of a scenario with other constants.
 
         Raises:
             DeclarationError, ReferenceError: if no motion exists.
         """
-        return self._motions.get(
-            (draw, equations.values, scenario),
-            lambda: solve(equations, self.system.scenario(scenario), bound_along=False),
-        )
+        equations = self.family.with_constants(dict(constants))
+        return solve(equations, self.system.scenario(scenario), bound_along=False)
 
     @cached_property
     def declared_motions(self) -> Mapping[str, Motion]:
@@ -176,7 +174,7 @@ class Swept(Source):
         row = case.row
         equations = self.family.with_constants(row.constants)
         with record.timing("reference_seconds"):
-            motion = self.motion(row.draw, equations, row.scenario)
+            motion = self.motion(tuple(row.constants.items()), row.scenario)
         prepared = self.model(row.model, row.engine)
         constants = {c.name: c.value for c in equations.system.constants}
         with record.timing("loading_seconds"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.samples import solved
-from .planned import Block, CaseRecord, Integrators, Planned, RecentValues, Source, StepClock
+from .planned import KEPT, Block, CaseRecord, Integrators, Planned, Source, StepClock
 
 _READ = ("floating", "held", "controls", "model", "gravity")
 """Settings that decide how a file is read, apart from the engine that runs it."""
@@ -50,7 +50,7 @@ class _FileNumbers:
         self.numbers: ModelFile | None = None
         if file.suffix in FORMATS:
             self.numbers = robot_numbers(file, settings)
-        self._drawn = RecentValues[PreparedTree]()
+        self._solved = lru_cache(maxsize=KEPT)(self._solve)
 
     @cached_property
     def index(self) -> Mapping[str, int]:
@@ -88,12 +88,10 @@ class _FileNumbers:
         Raises:
             RobotError, ReferenceError: if they do not exist or cannot be solved.
         """
-        if not values:
-            return self._declared
-        return self._drawn.get(tuple(sorted(values.items())), lambda: self._solved(values))
+        return self._solved(tuple(sorted(values.items()))) if values else self._declared
 
-    def _solved(self, values: Mapping[int, float]) -> PreparedTree:
-        tree, system = self._tree(values), self.nominal.system
+    def _solve(self, values: tuple[tuple[int, float], ...]) -> PreparedTree:
+        tree, system = self._tree(dict(values)), self.nominal.system
         links = [(one.name, one.kind) for one in system.tree.links]
         if tree is None or [(one.name, one.kind) for one in tree.links] != links:
             raise RobotError(f"{self._file}: with these numbers it makes other joints, or none")

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedSystem
 from physics_crosscheck.harness.checks.task import ModelTask, P, SystemTask
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.engines.protocol import Engine, LoadedModel
+from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import Binding, rewrite, with_literals
 from physics_crosscheck.harness.modelfiles.locations import find, numbers
@@ -211,3 +211,22 @@ class Mistake:
     causes: frozenset[CauseId] = frozenset()
     sound: bool = False
     audit_words: str = ""
+
+
+def default_mistake(usual: DefaultLeftOn, law: str = "") -> Mistake:
+    """Return the mistake that a default of an engine is left on, which may be one in a law."""
+    return Mistake(
+        usual.name,
+        f"settings.{usual.setting}",
+        Edit(settings={usual.setting: usual.value}, law=law),
+        frozenset({CauseId(kind="default", subject=(usual.cause,))}),
+    )
+
+
+def defaults_left_on(task: ModelTask[P], *, whole: bool) -> Iterator[Mistake]:
+    """Yield each default that the settings do not already request; `whole`: of whole steps."""
+    for usual in engines()[task.engine].usual_mistakes:
+        if not isinstance(usual, DefaultLeftOn) or usual.whole != whole:
+            continue
+        if task.spec.settings.get(usual.setting) != usual.value:
+            yield default_mistake(usual, usual.cause if whole else "")

@@ -13,7 +13,15 @@ from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, LeftOut
 from physics_crosscheck.harness.modelfiles.bindings import SIDECAR, at_constants, bindings
 from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 from physics_crosscheck.reference.mechanism.declaration import DeclarationError
-from .context import Edit, Mistake, Subject, literal_causes, rounded
+from .context import (
+    Edit,
+    Mistake,
+    Subject,
+    default_mistake,
+    defaults_left_on,
+    literal_causes,
+    rounded,
+)
 from .rests import moved_rest, radian, rests
 
 
@@ -282,19 +290,7 @@ def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
 
 def defaults(subject: Subject) -> Iterator[Mistake]:
     """Yield each default that the model's settings do not already request."""
-    stated = subject.task.declared.spec(subject.task.engine).settings
-    for usual in subject.engine.usual_mistakes:
-        if (
-            isinstance(usual, DefaultLeftOn)
-            and not usual.whole
-            and stated.get(usual.setting) != usual.value
-        ):
-            yield Mistake(
-                usual.name,
-                f"settings.{usual.setting}",
-                Edit(settings={usual.setting: usual.value}),
-                frozenset({CauseId(kind="default", subject=(usual.cause,))}),
-            )
+    yield from defaults_left_on(subject.task, whole=False)
 
 
 def contact_defaults(subject: Subject) -> Iterator[Mistake]:
@@ -307,12 +303,7 @@ def contact_defaults(subject: Subject) -> Iterator[Mistake]:
             isinstance(usual, DefaultLeftOn)
             and whole.numbers.get(usual.cause, usual.value) != usual.value
         ):
-            yield Mistake(
-                usual.name,
-                f"settings.{usual.setting}",
-                Edit(settings={usual.setting: usual.value}),
-                frozenset({CauseId(kind="default", subject=(usual.cause,))}),
-            )
+            yield default_mistake(usual)
 
 
 def steps(subject: Subject) -> Iterator[Mistake]:
