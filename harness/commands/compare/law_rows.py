@@ -10,9 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+from physics_crosscheck.harness.checks.law_comparison import TreeLaw
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.documents.urdf import read_urdf
+from physics_crosscheck.harness.documents.urdf import UrdfFile, read_urdf
 from physics_crosscheck.harness.engines.compiled import CompiledTree
 from physics_crosscheck.harness.engines.protocol import EngineError
 from physics_crosscheck.harness.modelfiles.law_attributes import (
@@ -44,6 +45,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     SoftLimit,
     Softness,
 )
+from .side import element_line
 
 Key = tuple[str, ...]
 """A table of the laws, and the names by which rows of two files are paired."""
@@ -256,31 +258,46 @@ class SoftRows:
 
 
 def _line(file: Path, element: XmlElement | None, attribute: str) -> dict[str, SourceLine]:
-    where, line = None, None
-    if element is not None:
-        stated = attribute in element.attributes
-        where, line = element.attribute_place(attribute) if stated else element.place
-    return {attribute: SourceLine(file=str(where or file), line=line)} if line else {}
+    line = element_line(file, element, attribute)
+    return {} if line is None else {attribute: line}
 
 
-def hard_rows(file: Path, model: ImpulseModel, joints: Mapping[str, str]) -> Iterator[LawRow]:
-    """Yield the rows of a URDF in an engine of impulses.
+def urdf_rows(file: Path, model: TreeLaw, joints: Mapping[str, str]) -> Iterator[LawRow]:
+    """Yield the rows of a URDF in an engine of impulses or of convex laws.
 
     Args:
         file: its path.
         model: its laws.
         joints: names by which the other file calls its joints.
     """
-    urdf, laws, links = read_urdf(Document(file)), model.laws, model.tree.tree.links
-    for i, joint in enumerate(laws.joints):
-        name = links[joint.joint].name
-        if name in joints:
-            limit = urdf.joints[name].element.find("limit")
-            lines = _line(file, limit, "")
-            yield LawRow(key=("joints", joints[name]), subject=f"joint {joints[name]}", index=i,
-                         row=joint, lines=lines)  # fmt: skip
-    for i, surface in enumerate(laws.surfaces):
-        name = laws.rules.bodies[i]
+    urdf, links = read_urdf(Document(file)), model.tree.tree.links
+    tables: list[tuple[str, str, Sequence[SoftLimit | SoftFriction | HardJoint]]]
+    if isinstance(model, ImpulseModel):
+        tables = [("joints", "limit", model.laws.joints)]
+    else:
+        tables = [("limits", "limit", model.laws.limits)]
+        tables += [("frictions", "dynamics", model.laws.frictions)]
+    for table, tag, rows in tables:
+        for i, row in enumerate(rows):
+            name = links[row.joint].name
+            if name in joints:
+                lines = _line(file, urdf.joints[name].element.find(tag), "")
+                yield LawRow(key=(table, "joint", joints[name]), subject=f"joint {joints[name]}",
+                             index=i, row=row, lines=lines)  # fmt: skip
+    if isinstance(model, ImpulseModel):
+        yield from _link_surfaces(file, urdf, model)
+    elif isinstance(model, NearRigidModel):
+        for i, (owner, index) in enumerate(model.rules.shapes, start=1):
+            shape = urdf.links[owner].element.findall("collision")[index]
+            stated = shape.find(model.rules.surface_tags[0]) or shape
+            yield LawRow(key=("compliant", owner, str(index)),
+                         subject=f"shape {index + 1} of link {owner}", index=i,
+                         row=model.laws.compliant[i], lines=_line(file, stated, ""))  # fmt: skip
+
+
+def _link_surfaces(file: Path, urdf: UrdfFile, model: ImpulseModel) -> Iterator[LawRow]:
+    for i, surface in enumerate(model.laws.surfaces):
+        name = model.laws.rules.bodies[i]
         link = urdf.links.get(name)
         if link is not None:
             contact = link.element.find("contact") or link.element
@@ -291,40 +308,19 @@ def hard_rows(file: Path, model: ImpulseModel, joints: Mapping[str, str]) -> Ite
                          lines=lines)  # fmt: skip
 
 
-def convex_rows(file: Path, model: LawModel, joints: Mapping[str, str]) -> Iterator[LawRow]:
-    """Yield the rows of a URDF in an engine of convex laws; arguments as in `hard_rows`."""
-    urdf, laws, links = read_urdf(Document(file)), model.laws, model.tree.tree.links
-    tables: tuple[tuple[str, str, Sequence[SoftLimit | SoftFriction]], ...] = (
-        ("limits", "limit", laws.limits),
-        ("frictions", "dynamics", laws.frictions),
-    )
-    for table, tag, rows in tables:
-        for i, row in enumerate(rows):
-            name = links[row.joint].name
-            if name in joints:
-                lines = _line(file, urdf.joints[name].element.find(tag), "")
-                yield LawRow(key=(table, "joint", joints[name]), subject=f"joint {joints[name]}",
-                             index=i, row=row, lines=lines)  # fmt: skip
-    if not isinstance(model, NearRigidModel):
-        return
-    for i, (link, index) in enumerate(model.rules.shapes, start=1):
-        shape = urdf.links[link].element.findall("collision")[index]
-        surface = shape.find(model.rules.surface_tags[0]) or shape
-        yield LawRow(key=("compliant", link, str(index)),
-                     subject=f"shape {index + 1} of link {link}", index=i, row=laws.compliant[i],
-                     lines=_line(file, surface, ""))  # fmt: skip
-
-
 def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
     """Yield limits and efforts of impulses as rows of a compiled file, which gives the rest."""
-    theirs = {row.key[1]: row for row in rows if row.key[0] == "joints"}
+    theirs = {row.key[-1]: row for row in rows if row.key[0] == "joints"}
     mine = {row.key: row for row in a.rows()}
     for name, other in theirs.items():
         joint = other.row
         assert isinstance(joint, HardJoint)
         if joint.lower <= joint.upper:
             limit = mine.get(("limits", "joint", name))
-            base = limit.row if limit else _default_limit(a, name)
+            base = limit.row if limit else SoftLimit(
+                joint=a.compiled.joints.index(name), lower=0.0, upper=0.0, margin=0.0,
+                softness=Softness(reference=REFERENCE, impedance=IMPEDANCE),
+            )  # fmt: skip
             assert isinstance(base, SoftLimit)
             soft = replace(base, lower=joint.lower, upper=joint.upper)
             yield replace(other, key=("limits", "joint", name), row=soft)
@@ -338,12 +334,6 @@ def hard_as_soft(rows: Sequence[LawRow], a: SoftRows) -> Iterator[LawRow]:
             else:
                 limited = replace(row, force_range=both)
             yield replace(other, key=key, row=limited)
-
-
-def _default_limit(a: SoftRows, name: str) -> SoftLimit:
-    softness = Softness(reference=REFERENCE, impedance=IMPEDANCE)
-    joint = a.compiled.joints.index(name)
-    return SoftLimit(joint=joint, lower=0.0, upper=0.0, margin=0.0, softness=softness)
 
 
 def _forces_on(
@@ -368,7 +358,7 @@ def soft_as_hard(
 ) -> Iterator[LawRow]:
     """Yield limits and efforts of a compiled file as rows of impulses, which give the rest."""
     for target in mine:
-        joint, name = target.row, target.key[1]
+        joint, name = target.row, target.key[-1]
         if not isinstance(joint, HardJoint):
             continue
         limit = rows.get(("limits", "joint", name))

@@ -6,6 +6,7 @@ At states where rows of A act, A's law steps with B's numbers; the engine does n
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from types import NoneType
 from typing import Any
 
@@ -33,7 +34,6 @@ from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.comparison import ComparedProperty
-from physics_crosscheck.reference.laws.impulses import ImpulseModel
 from physics_crosscheck.reference.laws.soft import Part
 from physics_crosscheck.reference.laws.step import LawModel, LawSolution
 from physics_crosscheck.reference.mechanism.laws import (
@@ -54,15 +54,14 @@ from .law_rows import (
     L,
     LawRow,
     SoftRows,
-    convex_rows,
     hard_as_soft,
-    hard_rows,
     shape_names,
     soft_as_hard,
+    urdf_rows,
     with_row,
 )
 from .match import JointPair
-from .side import apart, make_property
+from .side import apart, equal_values, make_property, values_shown
 
 SAME = 8 * float(np.finfo(float).eps)
 """Relative difference of equal numbers."""
@@ -106,6 +105,11 @@ class _LawSide:
     model: TreeLaw
     whole: WholeModel
 
+    @property
+    def file(self) -> Path:
+        """The model file."""
+        return self.facts.candidate.sidecar.model
+
 
 def _have_common_rows(a: _LawSide, b: _LawSide) -> bool:
     """Return whether two files have rows in common: a compiled file has none of near-rigid laws."""
@@ -147,7 +151,10 @@ def _rows(
 ) -> tuple[Mapping[Key, LawRow], Mapping[Key, LawRow]]:
     names_a, names_b = {pair.a: pair.a for pair in pairs}, {pair.b: pair.a for pair in pairs}
     soft_a, soft_b = _soft_sides(a, b, pairs, (names_a, names_b))
-    mine, theirs = _own_rows(a, soft_a, names_a), _own_rows(b, soft_b, names_b)
+    mine, theirs = (
+        list(soft.rows() if soft else urdf_rows(one.file, one.model, names))
+        for one, soft, names in ((a, soft_a, names_a), (b, soft_b, names_b))
+    )
     by_name = {pair.a: pair for pair in pairs}
     indices = {link.name: i for i, link in enumerate(a.model.tree.tree.links)}
     theirs = [_in_a(row, by_name, indices) for row in theirs]
@@ -162,15 +169,6 @@ def _rows(
         theirs = list(soft_as_hard({row.key: row for row in theirs}, soft_b, mine))
         mine = [row for row in mine if row.key[0] == "joints"]
     return {row.key: row for row in mine}, {row.key: row for row in theirs}
-
-
-def _own_rows(loaded: _LawSide, soft: SoftRows | None, names: Mapping[str, str]) -> list[LawRow]:
-    if soft is not None:
-        return list(soft.rows())
-    file, model = loaded.facts.candidate.sidecar.model, loaded.model
-    if isinstance(model, ImpulseModel):
-        return list(hard_rows(file, model, names))
-    return list(convex_rows(file, model, names))
 
 
 _OF_JOINTS = ("limits", "joint"), ("frictions", "joint")
@@ -198,25 +196,23 @@ def _soft_sides(
     else:
         every = [{i: i for i in range(len(one.actuators))} if one else {} for one in both]
         drives = every[0], every[1]
-    sides: list[SoftRows | None] = []
-    for model_laws, compiled_tree, paired, names in zip(
-        (a, b), both, drives, joint_names, strict=True
-    ):
-        if compiled_tree is None or not isinstance(model_laws.model, LawModel):
-            sides.append(None)
-            continue
-        alike = len(compiled_tree.actuators) == len(model_laws.model.laws.drives)
-        rows = SoftRows(
-            file=model_laws.facts.candidate.sidecar.model,
+
+    def rows(k: int) -> SoftRows | None:
+        model, compiled_tree = (a, b)[k].model, both[k]
+        if compiled_tree is None or not isinstance(model, LawModel):
+            return None
+        alike = len(compiled_tree.actuators) == len(model.laws.drives)
+        return SoftRows(
+            file=(a, b)[k].file,
             compiled=compiled_tree,
-            model=model_laws.model,
-            joints=names,
+            model=model,
+            joints=joint_names[k],
             shapes=shapes,
-            drives=paired if alike else {},
+            drives=drives[k] if alike else {},
             same_bodies=same_bodies,
         )
-        sides.append(rows)
-    return sides[0], sides[1]
+
+    return rows(0), rows(1)
 
 
 def _in_a(row: LawRow, pairs: Mapping[str, JointPair], indices: Mapping[str, int]) -> LawRow:
@@ -262,16 +258,13 @@ class _LawDifference:
         """Return A's laws with B's numbers; None if these have no place there."""
         if self.a is None:
             assert self.b is not None
-            return None if self.b.key[0] not in _ADDED else self._added(laws, self.b)
+            table, index = self.b.key[0], self.b.index if self.b.key[0] == "joint_ranges" else -1
+            return with_row(laws, table, index, self.b.row) if table in _ADDED else None
         table, index = self.a.key[0], self.a.index
         if self.b is None:
             return with_row(laws, table, index, None)
         current = _row_of(laws, self.a)
         return with_row(laws, table, index, with_attribute(current, self.attribute, self.b.row))
-
-    def _added(self, laws: L, row: LawRow) -> L:
-        table = row.key[0]
-        return with_row(laws, table, row.index if table == "joint_ranges" else -1, row.row)
 
 
 _ADDED = ("limits", "frictions", "joint_ranges")
@@ -303,7 +296,7 @@ def _differences(
             continue
         for attribute in ATTRIBUTES[type(row.row)]:
             difference = _LawDifference(attribute=attribute, a=row, b=other)
-            if not _equal(*difference.values):
+            if not equal_values(*difference.values, SAME):
                 yield difference
     removed = [row for key, row in mine.items() if key not in theirs]
     for row in sorted(removed, key=lambda row: -row.index):  # the indices of the rest stay
@@ -312,12 +305,6 @@ def _differences(
     for key, row in theirs.items():
         if key not in mine and type(row.row) in LEADING:
             yield _LawDifference(attribute=LEADING[type(row.row)], a=None, b=row)
-
-
-def _equal(first: Sequence[float], other: Sequence[float]) -> bool:
-    return len(first) == len(other) and all(
-        abs(x - y) <= SAME * max(abs(x), abs(y)) for x, y in zip(first, other, strict=True)
-    )
 
 
 def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[ComparedProperty]:
@@ -431,8 +418,16 @@ _WORDS = {"cone": ("pyramidal", "elliptic"), "refsafe": ("disable", "enable")}
 
 def _property(difference: _LawDifference, effect: float | None) -> ComparedProperty:
     here, there = difference.values
-    about, label, values = difference.subject, difference.attribute, (_shown(here), _shown(there))
-    unlike = [i for i, (x, y) in enumerate(zip(here, there, strict=False)) if not _equal([x], [y])]
+    about, label, values = (
+        difference.subject,
+        difference.attribute,
+        (values_shown(here), values_shown(there)),
+    )
+    unlike = [
+        i
+        for i, (x, y) in enumerate(zip(here, there, strict=False))
+        if not equal_values([x], [y], SAME)
+    ]
     single, i = len(here) == len(there) and len(unlike) == 1, unlike[0] if unlike else 0
     if single:
         label += f"[{i}]" if len(here) > 1 else ""
@@ -461,11 +456,6 @@ def _property(difference: _LawDifference, effect: float | None) -> ComparedPrope
         relative=_relative(here, there),
     )
     return replace_fields(record, effect=number(effect))
-
-
-def _shown(values: Sequence[float]) -> str:
-    text = " ".join(f"{float(value):.9g}" for value in values)
-    return f"({text})" if len(values) > 1 else text or "none"
 
 
 def _relative(first: Sequence[float], other: Sequence[float]) -> float:

@@ -90,6 +90,33 @@ def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
     return f"{here:.{digits}g}", f"{there:.{digits}g}"
 
 
+def values_shown(values: Sequence[float | str]) -> str:
+    """Format a row of numbers and words."""
+    text = " ".join(one if isinstance(one, str) else f"{float(one):.9g}" for one in values)
+    return f"({text})" if len(values) > 1 else text or "none"
+
+
+def equal_values(
+    here: Sequence[float | str], there: Sequence[float | str], tolerance: float
+) -> bool:
+    """Return whether two rows of numbers and words are equal, up to a relative tolerance."""
+    return len(here) == len(there) and all(
+        x == y
+        if isinstance(x, str) or isinstance(y, str)
+        else abs(x - y) <= tolerance * max(abs(x), abs(y))
+        for x, y in zip(here, there, strict=True)
+    )
+
+
+def element_line(file: Path, element: XmlElement | None, attribute: str = "") -> SourceLine | None:
+    """Return the line of an attribute, or else of its element; None if it is unknown."""
+    if element is None:
+        return None
+    stated = attribute in element.attributes
+    where, line = element.attribute_place(attribute) if stated else element.place
+    return SourceLine(file=str(where or file), line=line) if line else None
+
+
 def percent(share: float) -> str:
     """Format a relative change."""
     if abs(share) >= 1e-4:
@@ -197,8 +224,7 @@ class ModelSide:
             if child is not None and name in (child.get("link"), child.text.strip()):
                 places.append(joint.find("origin") or joint)
         places += [e for e in named if e.tag in ("body", "link")]
-        where, line = places[0].place if places else (None, None)
-        return SourceLine(file=str(where or self.file), line=line) if line else None
+        return element_line(self.file, places[0] if places else None)
 
     def limits(self, name: str) -> tuple[float, float]:
         """Return the bounds of a joint."""

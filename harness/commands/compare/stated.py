@@ -23,7 +23,16 @@ from physics_crosscheck.reference.mechanism.rotations import IDENTITY, Place
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
 from .alignment import SAME, Aligned, angle_of
 from .match import JointPair
-from .side import KEYS, Difference, ModelSide, lines_of, make_property
+from .side import (
+    KEYS,
+    Difference,
+    ModelSide,
+    element_line,
+    equal_values,
+    lines_of,
+    make_property,
+    values_shown,
+)
 
 make_stated = partial(make_property, moves=False)
 
@@ -276,7 +285,7 @@ def _touching(model: ModelSide, shapes: Sequence[_Shape]) -> set[frozenset[int]]
 def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | None:
     rows = [] if model.root is None else model.root.findall("contact/exclude")
     excludes = (one for one in rows if {one.get("body1"), one.get("body2")} <= bodies)
-    return _line(model, next(excludes, None), "")
+    return element_line(model.file, next(excludes, None))
 
 
 def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
@@ -341,21 +350,14 @@ def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
         kind, _, flag = key.partition(" ")
         elements = model.root.findall("option/flag" if flag else "option")
         stating = (e for e in elements[::-1] if (flag or kind) in e.attributes)
-        return _line(model, next(stating, None), flag or kind)
+        return element_line(model.file, next(stating, None), flag or kind)
     kind, _, name = subject.partition(" ")
     if name.startswith("#"):
         of_kind = model.root.findall(f"equality/{kind}") or model.root.findall(f"{kind}/*")
         named = of_kind[int(name[1:]) - 1 :]
     else:
         named = [x for x in model.root.iter() if x.get("name") == name and x.tag != "default"]
-    return _line(model, next(iter(named), None), key)
-
-
-def _line(model: ModelSide, element: XmlElement | None, key: str) -> SourceLine | None:
-    if element is None:
-        return None
-    where, line = element.attribute_place(key) if key in element.attributes else element.place
-    return SourceLine(file=str(where or model.file), line=line) if line else None
+    return element_line(model.file, next(iter(named), None), key)
 
 
 def _joint_numbers(
@@ -373,8 +375,8 @@ def _joint_numbers(
         for what in dict.fromkeys([*here, *there]):
             renamed = (back.get(x, x) if isinstance(x, str) else x for x in there.get(what, ()))
             values: tuple[_Values, _Values] = here.get(what, ()), tuple(renamed)
-            if not _equal(*values):
-                shown = [_shown(one) for one in values]
+            if not equal_values(*values, SAME):
+                shown = [values_shown(one) for one in values]
                 message = f"{what} of joint {name}: {shown[0]} in A, {shown[1]} in B"
                 lines = lines_of(a, b, what, (name, names.get(name, name)))
                 share = _share(*(" ".join(map(str, one)) or "none" for one in values))
@@ -386,22 +388,6 @@ def _joint_numbers(
 
 
 _Values = tuple[float | str, ...]
-
-
-def _equal(here: _Values, there: _Values) -> bool:
-    if len(here) != len(there):
-        return False
-    return all(
-        x == y
-        if isinstance(x, str) or isinstance(y, str)
-        else abs(x - y) <= SAME * max(abs(x), abs(y))
-        for x, y in zip(here, there, strict=True)
-    )
-
-
-def _shown(values: _Values) -> str:
-    text = " ".join(one if isinstance(one, str) else f"{one:.9g}" for one in values)
-    return f"({text})" if len(values) > 1 else text or "none"
 
 
 def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
