@@ -11,7 +11,7 @@ from typing import TypeVar
 from physics_crosscheck.harness.jobs.limits import MEMORY, SECONDS, Limits
 from physics_crosscheck.harness.paths import DEFAULT_FOLDER
 from .completion import engine_names, systems_and_files
-from .help import ARGUMENTS, Option, group, option
+from .help import ARGUMENTS, Option, group, option, switch
 
 T = TypeVar("T", float, int)
 
@@ -268,17 +268,13 @@ SELECT, IGNORE = (
 )
 
 
-DETAILS = option(
-    "Output",
-    "--details",
-    action="store_true",
-    help="Print figures, coverage, steps, runs and minor findings too",
+DETAILS = switch(
+    "Output", "--details", "Print figures, coverage, steps, runs and minor findings too"
 )
-STANDALONE = option(
+STANDALONE = switch(
     "Robot files",
     "--standalone",
-    action="store_true",
-    help="Treat files in system folders as robot files; ignore their sidecars",
+    "Treat files in system folders as robot files; ignore their sidecars",
 )
 XACRO = option(
     "Robot files",
@@ -298,11 +294,8 @@ VARIANT = option(
     metavar="SET=NAME",
     help="Variant of a USD robot [as the file selects]",
 )
-OUTSIDE = option(
-    "Robot files",
-    "--allow-outside",
-    action="store_true",
-    help="Read USD layers outside of the robot's folder too",
+OUTSIDE = switch(
+    "Robot files", "--allow-outside", "Read USD layers outside of the robot's folder too"
 )
 SOURCES = (XACRO, VARIANT, OUTSIDE)
 """How a robot file is made of its sources."""
@@ -318,17 +311,13 @@ MOTION = option(
     metavar="SECONDS",
     help="Also run a motion from rest: its error at dt [no motion]",
 )
-SMOOTH = option(
+SMOOTH = switch(
     "Robot files",
     "--smooth",
-    action="store_true",
-    help="Check without limits, friction, contacts and drives only [also with them]",
+    "Check without limits, friction, contacts and drives only [also with them]",
 )
-IDEAL = option(
-    "Checks",
-    "--ideal",
-    action="store_true",
-    help="Judge by rigid contacts, not by each engine's law [by the law]",
+IDEAL = switch(
+    "Checks", "--ideal", "Judge by rigid contacts, not by each engine's law [by the law]"
 )
 BASELINE = option(
     "Baseline",
@@ -341,20 +330,12 @@ BASELINE = option(
 JSON_FILE = option(
     "Output", "--json", type=Path, metavar="FILE", help="Write the results to this JSON file"
 )
-DIAGNOSE = option(
-    "Checks", "--diagnose", action="store_true", help="Find the cause of each difference; slower"
+DIAGNOSE = switch("Checks", "--diagnose", "Find the cause of each difference; slower")
+STRICT = switch(
+    "Checks", "--strict", "Fail for parts not compared and losses of an engine's precision"
 )
-STRICT = option(
-    "Checks",
-    "--strict",
-    action="store_true",
-    help="Fail for parts not compared and losses of an engine's precision",
-)
-THOROUGH = option(
-    "Checks",
-    "--thorough",
-    action="store_true",
-    help="Run every check, also where a cheaper one decides; slower",
+THOROUGH = switch(
+    "Checks", "--thorough", "Run every check, also where a cheaper one decides; slower"
 )
 RESOLUTION = option(
     "Checks",

@@ -11,7 +11,7 @@ from pathlib import Path
 from physics_crosscheck.harness.jobs.limits import FAULT_SECONDS
 from . import arguments
 from .completion import SHELLS
-from .help import ARGUMENTS, INTERRUPTED, Command, group, option
+from .help import ARGUMENTS, INTERRUPTED, Command, group, option, switch
 
 _CLI = "physics_crosscheck.harness.interfaces.cli"
 
@@ -37,12 +37,7 @@ _RUN_OPTIONS = (
     arguments.WORDS,
     arguments.RESOLUTION,
     arguments.THOROUGH,
-    option(
-        "Checks",
-        "--require-engines",
-        action="store_true",
-        help="Fail if a default engine is not installed",
-    ),
+    switch("Checks", "--require-engines", "Fail if a default engine is not installed"),
     arguments.out("reports"),
     arguments.output_format("text", "concise", "json", "github", "sarif"),
     arguments.SELECT,
@@ -138,17 +133,11 @@ COMMANDS: Mapping[str, Command] = {
             arguments.SMOOTH,
             arguments.IDEAL,
             arguments.STRICT,
-            option(
-                "Selection",
-                "--last-failed",
-                action="store_true",
-                help="Run only cases that did not pass in the last run",
+            switch(
+                "Selection", "--last-failed", "Run only cases that did not pass in the last run"
             ),
-            option(
-                "Output",
-                "--watch",
-                action="store_true",
-                help="Run again when a file is saved, with a cache; Ctrl-C ends",
+            switch(
+                "Output", "--watch", "Run again when a file is saved, with a cache; Ctrl-C ends"
             ),
         ),
         function=f"{_CLI}.run:main",
@@ -226,11 +215,8 @@ COMMANDS: Mapping[str, Command] = {
             arguments.SELECT,
             arguments.IGNORE,
             arguments.DETAILS,
-            option(
-                "Output",
-                "--fix",
-                action="store_true",
-                help="Write the numbers that findings state, and print the changes",
+            switch(
+                "Output", "--fix", "Write the numbers that findings state, and print the changes"
             ),
         ),
         function=f"{_CLI}.audit:main",
@@ -344,11 +330,10 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="JOINT=VALUE,...",
                 help="Start state, e.g. j=1,j_dot=0; repeatable [drawn within joint limits]",
             ),
-            option(
+            switch(
                 "Comparison",
                 "--include-constraints",
-                action="store_true",
-                help="Include contacts, joint limits, dry friction and couplings",
+                "Include contacts, joint limits, dry friction and couplings",
             ),
             *arguments.SOURCES,
             arguments.floating("as the other file"),
@@ -380,13 +365,7 @@ COMMANDS: Mapping[str, Command] = {
         },
         options=(
             *_SELECTION,
-            option(
-                "Selection",
-                "--all",
-                action="store_true",
-                dest="every",
-                help="Run every case, changed or not",
-            ),
+            switch("Selection", "--all", "Run every case, changed or not", dest="every"),
             arguments.out("reports/gate"),
         ),
         function=f"{_CLI}.gate:main",
@@ -423,12 +402,7 @@ COMMANDS: Mapping[str, Command] = {
                 metavar="TEXT",
                 help="Reason, stored in the baseline (required)",
             ),
-            option(
-                "Baseline",
-                "--untested",
-                action="store_true",
-                help="Accept files that every engine refuses",
-            ),
+            switch("Baseline", "--untested", "Accept files that every engine refuses"),
             option(
                 "Selection",
                 "--folder",
@@ -447,13 +421,7 @@ COMMANDS: Mapping[str, Command] = {
             *arguments.limits(),
             arguments.jobs(),
             arguments.BASELINE,
-            option(
-                "Output",
-                "-v",
-                "--verbose",
-                action="store_true",
-                help="Print a line for each accepted case",
-            ),
+            switch("Output", "-v --verbose", "Print a line for each accepted case"),
         ),
         function=f"{_CLI}.accept:main",
         settings=_BASELINE_SETTINGS,
@@ -512,7 +480,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.targets(required=True),
             *arguments.ROBOT_OPTIONS,
             *arguments.limits(),
-            option("Output", "--latex", action="store_true", help="Print LaTeX instead of text"),
+            switch("Output", "--latex", "Print LaTeX instead of text"),
         ),
         function=f"{_CLI}.derive:main",
         settings=("limit", "memory"),

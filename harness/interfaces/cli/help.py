@@ -170,6 +170,11 @@ def option(title: str, *names: str, completer: Completer | None = None, **settin
     return add
 
 
+def switch(title: str, names: str, text: str, **settings: Any) -> Option:
+    """Return an option without a value, by its names in one text and its help."""
+    return option(title, *names.split(), action="store_true", help=text, **settings)
+
+
 def usage(command: argparse.ArgumentParser) -> str:
     """Return the usage line: required options and positional arguments are spelled out."""
     parts = [command.prog, "[options]"]
