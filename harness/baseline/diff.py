@@ -128,7 +128,8 @@ def motion_of(then: AcceptedCase, snapshot: Snapshot, measured: Measurement) -> 
     if now is None:
         return MotionChange(is_comparable=False)
     was = _Ends(then.end, then.end_uncertainty)
-    movements = _movements(was, _Ends(now.end, now.uncertainty), snapshot)
+    there = _Ends(now.end, now.uncertainty)
+    movements = _movements(was, there, snapshot.t, snapshot.scale, snapshot.components)
     bound = max((movement.uncertainty for movement in movements), default=0.0)
     return MotionChange(
         model=_largest_significant(movements),
@@ -142,7 +143,8 @@ def equations_movement(snapshot: Snapshot, now: OnAccepted) -> Movement:
     """Return the largest change of the equations' motion since it was accepted."""
     bound = (tuple(EQUATIONS * s for s in snapshot.scale),) * len(snapshot.end)
     was, present = _Ends(snapshot.end, bound), _Ends(now.equations, bound)
-    return _largest_significant(_movements(was, present, snapshot))
+    scales = snapshot.scale
+    return _largest_significant(_movements(was, present, snapshot.t, scales, snapshot.components))
 
 
 @dataclass(frozen=True)
@@ -153,15 +155,16 @@ class _Ends:
     uncertainty: Rows
 
 
-def _movements(was: _Ends, now: _Ends, snapshot: Snapshot) -> list[Movement]:
+def _movements(
+    was: _Ends, now: _Ends, times: Numbers | Sequence[None], scales: Numbers, names: Sequence[str]
+) -> list[Movement]:
     """Return the movement of each end whose numbers are finite, with both uncertainties."""
     movements = []
-    rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, snapshot.t, strict=True)
+    rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, times, strict=True)
     for segment, (*ends, time) in enumerate(rows):
         place = starts_at(time, segment)
-        columns = zip(*ends, snapshot.scale, snapshot.components, strict=True)
-        for a, ua, b, ub, scale, component in columns:
-            if a is None or b is None or ua is None or ub is None:
+        for a, ua, b, ub, scale, component in zip(*ends, scales, names, strict=True):
+            if a is None or b is None or ua is None or ub is None or not scale:
                 continue
             size, bound = abs(b - a), ua + ub + ROUNDING * (abs(a) + abs(b))
             movements.append(
@@ -247,19 +250,9 @@ def _step_changes(then: WholeSteps | msgspec.UnsetType, measured: Measurement) -
     ends = None if measured.on_accepted is None else measured.on_accepted.steps
     if ends is None:
         return ["other coordinates or controls", *laws[:MAX_LAWS], *more]
-    moved = [
-        Movement(
-            size=abs(b - a) / scale,
-            uncertainty=(ua + ub) / scale,
-            component=component,
-            place=starts_at(None, k),
-        )
-        for k, rows in enumerate(
-            zip(then.ends.values, then.ends.uncertainty, ends.values, ends.uncertainty, strict=True)
-        )
-        for component, scale, a, ua, b, ub in zip(then.components, then.scale, *rows, strict=True)
-        if a is not None and ua is not None and b is not None and ub is not None and scale
-    ]
+    was, now_ends = (_Ends(one.values, one.uncertainty) for one in (then.ends, ends))
+    times = [None] * len(then.states)
+    moved = _movements(was, now_ends, times, then.scale, then.components)
     largest = _largest(m for m in moved if m.size > max(m.uncertainty, STEPS))
     sentence = (
         f"with limits, friction, contacts and drives, {largest.component} changed by"

@@ -67,6 +67,11 @@ class Ranking:
     floor: float
     switched_off: tuple[str, ...] = ()
 
+    @property
+    def is_single(self) -> bool:
+        """True if one cause alone explains the discrepancy."""
+        return self.explained and len(self.fits[0].members) == 1
+
 
 def diagnose(problem: FitProblem, uncertainty: Array, refined: int = REFINED) -> Ranking:
     """Rank hypotheses, and pairs of them, by the discrepancy that they leave.

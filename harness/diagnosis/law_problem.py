@@ -305,19 +305,15 @@ def diagnose_laws(problem: LawProblem) -> Ranking:
     uncertainty = problem.compared.uncertainty.ravel()
     ranking = diagnose(numbers, uncertainty, NUMBERS_FITTED)
     if (
-        _single(ranking)
+        ranking.is_single
         and abs(ranking.fits[0].faults[0]) <= MINOR * ranking.fits[0].hypotheses[0].size
     ):
         return ranking
     ranking = diagnose(problem, uncertainty, NUMBERS_FITTED)
-    if not ranking.fits or _single(ranking):
+    if not ranking.fits or ranking.is_single:
         return ranking
     better = _restarted(numbers, uncertainty)
     return replace(ranking, fits=(*better, *ranking.fits), explained=True) if better else ranking
-
-
-def _single(ranking: Ranking) -> bool:
-    return ranking.explained and len(ranking.fits[0].causes) == 1
 
 
 def _restarted(problem: LawProblem, uncertainty: Array) -> list[Fit]:

@@ -282,18 +282,14 @@ def ranked(
     """
     run = run or run_followers(at_some(task))
     ranking, problem = _ranked(run, known_problem, is_reference=is_reference)
-    if not ranking.fits or _single(ranking):
+    if not ranking.fits or ranking.is_single:
         return ranking
     for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
         other = run_followers(at_some(task.with_settings(**settings)))
         corrected, _ = _ranked(other, problem, is_reference=is_reference)
-        if _single(corrected):
+        if corrected.is_single:
             return replace(corrected, switched_off=causes)
     return ranking
-
-
-def _single(ranking: Ranking) -> bool:
-    return ranking.explained and len(ranking.fits[0].members) == 1
 
 
 def _ranked(

@@ -38,35 +38,20 @@ class TargetFacts(Record, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True)
-class PackedEquations:
-    """The solved equations of a target as bytes, which the planning process only passes on.
+class Preparation:
+    """The facts of a folder or a file, and its solved equations, pickled.
 
-    Reading them would import sympy there; a worker reads them once for all its tasks.
+    The planning process only passes them on: reading them would import sympy there.
     """
 
-    data: bytes
-
-    @staticmethod
-    def pack(solved: object) -> PackedEquations:
-        """Pack prepared equations."""
-        return PackedEquations(pickle.dumps(solved, protocol=pickle.HIGHEST_PROTOCOL))
-
-    def unpack(self) -> Any:
-        """Return the prepared equations."""
-        return _unpacked(self.data)
+    facts: TargetFacts
+    solved: bytes
 
 
 @lru_cache(maxsize=1)
-def _unpacked(data: bytes) -> Any:
-    return pickle.loads(data)
-
-
-@dataclass(frozen=True)
-class Preparation:
-    """The facts of a folder or a file, and its solved equations, which its tasks use."""
-
-    facts: TargetFacts
-    solved: PackedEquations
+def unpacked(solved: bytes) -> Any:
+    """Return solved equations; a worker reads them once for all its tasks."""
+    return pickle.loads(solved)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from .cache import (
 )
 from .model_checks import CASE, MEASUREMENT, RESULTS, ModelCheck
 from .options import Options
-from .prepared import PackedEquations, Preparation, TargetFacts, task_function
+from .prepared import Preparation, TargetFacts, task_function
 from .result_builder import Jobs, ResultBuilder
 
 Done = Callable[[Any], Jobs]
@@ -61,7 +61,7 @@ class TargetPlan:
         self.standalone = place.is_file()
         self._cache, self._before = options.cache, before
         self._facts: TargetFacts | None = None
-        self._solved: PackedEquations | None = None
+        self._solved: bytes | None = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
         self._key: CacheKey | None = None
         self._hashes: Mapping[ModelKey, str] = {}

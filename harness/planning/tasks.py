@@ -1,5 +1,6 @@
 """Functions that planning names and workers call."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
@@ -7,7 +8,7 @@ from typing import Any
 
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, PreparedTree, prepare
 from physics_crosscheck.harness.checks.task import model_task
-from .prepared import PackedEquations, Preparation, TargetFacts
+from .prepared import Preparation, TargetFacts, unpacked
 
 
 def target(place: Path, *, no_motion: str = "", **reading: Any) -> Preparation:
@@ -34,7 +35,7 @@ def target(place: Path, *, no_motion: str = "", **reading: Any) -> Preparation:
             left_out=solved.left_out,
             findings=solved.findings,
         )
-    return Preparation(facts, PackedEquations.pack(solved))
+    return Preparation(facts, pickle.dumps(solved, protocol=pickle.HIGHEST_PROTOCOL))
 
 
 def _without_motion(
@@ -43,7 +44,7 @@ def _without_motion(
     return replace(solved, rest=why) if why and isinstance(solved, PreparedTree) else solved
 
 
-def check(equations: PackedEquations, *, path: str, no_motion: str = "", **given: Any) -> Any:
+def check(equations: bytes, *, path: str, no_motion: str = "", **given: Any) -> Any:
     """Call the function of a check with the task of one model in one engine.
 
     Args:
@@ -52,5 +53,5 @@ def check(equations: PackedEquations, *, path: str, no_motion: str = "", **given
         no_motion: as in `target`.
         given: the model, the engine and the options, as for `model_task`.
     """
-    task = model_task(_without_motion(equations.unpack(), no_motion), **given)
+    task = model_task(_without_motion(unpacked(equations), no_motion), **given)
     return resolve_name(f"physics_crosscheck.harness.{path}")(task)

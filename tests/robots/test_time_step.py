@@ -10,6 +10,7 @@ from physics_crosscheck.harness.checks.time_step import choose_step
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.planning.options import Options
+from physics_crosscheck.harness.planning.prepared import unpacked
 from physics_crosscheck.harness.planning.result_builder import ResultBuilder
 from physics_crosscheck.harness.planning.target_plan import TargetPlan
 from physics_crosscheck.harness.planning.tasks import target
@@ -129,7 +130,7 @@ def test_motion_that_takes_too_long_keeps_the_verdict(tmp_path: Path) -> None:
     (again,) = job.failed(Failure("it needs more than 1 s", "", kind="time limit"))
     facts = again.task.function(file)
     assert facts.facts.declares == "robot file"
-    solved = target(file, motion=1.0, no_motion="it needs more than 1 s").solved.unpack()
+    solved = unpacked(target(file, motion=1.0, no_motion="it needs more than 1 s").solved)
     assert solved.rest == "it needs more than 1 s"
 
 
