@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from physics_crosscheck.harness.jobs.failure import Failure
-from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.base import Number, record_of
 from physics_crosscheck.harness.records.baseline import (
     AcceptedAudit,
     AcceptedCase,
@@ -279,13 +279,8 @@ def accepted_audit(
     is_old = all(is_accepted(one, model, before) for one in present)
     if before is not None and len(before.findings) == len(present) and is_old:
         return before
-    return AcceptedAudit(
-        system=id_.system,
-        model=id_.model,
-        engine=id_.engine,
-        reason=reason,
-        findings=tuple(_plain(one, model) for one in present),
-    )
+    findings = tuple(_plain(one, model) for one in present)
+    return record_of(AcceptedAudit, id_, reason=reason, findings=findings, seal="")
 
 
 def _plain(finding: AuditFinding, model: Model) -> AcceptedFinding:
@@ -293,13 +288,9 @@ def _plain(finding: AuditFinding, model: Model) -> AcceptedFinding:
     folder = Path(model.folder)
     folder = folder.parent if folder.name == model.model else folder
     base = "" if folder == Path() else f"{folder}/"
-    return AcceptedFinding(
-        kind=finding.kind,
-        subject=tuple(part.replace(base, "") for part in finding.subject),
-        message=finding.message.replace(base, ""),
-        expected=finding.expected,
-        actual=finding.actual,
-    )
+    subject = tuple(part.replace(base, "") for part in finding.subject)
+    message = finding.message.replace(base, "")
+    return record_of(AcceptedFinding, finding, subject=subject, message=message)
 
 
 def _same(finding: AcceptedFinding, other: AcceptedFinding) -> bool:

@@ -10,7 +10,14 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
 from physics_crosscheck.harness.numerics.segments import Extrapolated
 from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
 from physics_crosscheck.harness.numerics.stepping import StepComparison as FoundStepping
-from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers, rounded
+from physics_crosscheck.harness.records.base import (
+    Numbers,
+    Rows,
+    number,
+    numbers,
+    record_of,
+    rounded,
+)
 from physics_crosscheck.harness.records.case import (
     CheckedStep,
     Convergence,
@@ -48,34 +55,19 @@ def verdict_record(
         claimed: order that the engine claims.
         steps: number of engine steps.
     """
-    return Verdict(
-        discrepancy=number(judged.discrepancy),
-        uncertainty=number(judged.uncertainty),
-        component=judged.component,
-        time=number(judged.time),
-        largest_discrepancy=number(judged.largest_discrepancy),
-        largest_uncertainty=number(judged.largest_uncertainty),
-        order=number(judged.order),
-        claimed_order=claimed,
-        rungs=() if limits is None else tuple(limits.rungs),
-        steps=int(steps),
-        map_residual=number(judged.map_residual),
-        map_uncertainty=number(judged.map_uncertainty),
-        resolution=number(judged.resolution),
-        decided_by=judged.decided_by,
-    )
+    rungs = () if limits is None else tuple(limits.rungs)
+    return record_of(Verdict, judged, claimed_order=claimed, rungs=rungs, steps=int(steps))
 
 
 def stepping_record(comparison: FoundStepping, components: tuple[str, ...]) -> Stepping:
     """Build the record of a comparison of single steps."""
     judged = comparison.judgement
-    return Stepping(
+    return record_of(
+        Stepping,
+        judged,
         rule=comparison.rule.name,
         besides=comparison.rule.besides,
         step=number(comparison.step),
-        outcome=judged.outcome,
-        discrepancy=number(judged.discrepancy),
-        uncertainty=number(judged.uncertainty),
         component=components[judged.component],
         digits=number(comparison.digits),
         digits_later=number(comparison.later.digits),
@@ -90,16 +82,11 @@ def dynamics_record(
     if comparison is None:
         return None
     judged = comparison.judgement
-    return ForwardDynamics(
-        outcome=judged.outcome,
-        discrepancy=number(judged.discrepancy),
-        uncertainty=number(judged.uncertainty),
-        component=component(names, judged.component),
-        states=comparison.states,
-        terms=tuple(
-            ForceTerm(name=name, discrepancy=number(size))
-            for name, size in comparison.force_errors.items()
-        ),
+    sizes = comparison.force_errors.items()
+    terms = tuple(ForceTerm(name=name, discrepancy=number(size)) for name, size in sizes)
+    named = component(names, judged.component)
+    return record_of(
+        ForwardDynamics, judged, component=named, states=comparison.states, terms=terms
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import install_command
@@ -81,16 +81,7 @@ def failed_case(case_id: CaseId, folder: str, failure: Failure) -> Case:
 
 
 def _case(case_id: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:
-    return Case(
-        system=case_id.system,
-        model=case_id.model,
-        scenario=case_id.scenario,
-        engine=case_id.engine,
-        folder=folder,
-        outcome=outcome,
-        reason=reason,
-        stdout=stdout,
-    )
+    return Case(**asdict(case_id), folder=folder, outcome=outcome, reason=reason, stdout=stdout)
 
 
 def not_of_a_tree(sidecar: Sidecar) -> str:

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias, cast
 import sympy as sp
 
 from physics_crosscheck.harness.records import system as records
-from physics_crosscheck.harness.records.base import number, numbers, rows
+from physics_crosscheck.harness.records.base import number, numbers, record_of, rows
 from physics_crosscheck.harness.render.terminal.typeset import Latex, SumTerms, latex_name
 from physics_crosscheck.harness.results.status import counted
 from physics_crosscheck.reference.dynamics.derive import LONG_OPERATIONS, Equations
@@ -59,12 +59,7 @@ def system_record(
         constants=constants(system),
         inputs=quantities(system.inputs),
         outputs=tuple(
-            records.OutputFormula(
-                name=o.name,
-                unit=o.unit,
-                description=o.description,
-                formula=_formula(o.expression, latex),
-            )
+            record_of(records.OutputFormula, o, formula=_formula(o.expression, latex))
             for o in system.outputs
         ),
         scenarios=_scenarios(system, motions),
@@ -123,28 +118,13 @@ def quantities(
     declared: tuple[Coordinate, ...] | tuple[Input, ...],
 ) -> tuple[records.Symbol, ...]:
     """Build the records of coordinates or inputs."""
-    return tuple(
-        records.Symbol(
-            name=each.name,
-            unit=each.unit,
-            description=each.description,
-            latex=latex_name(each.name),
-        )
-        for each in declared
-    )
+    return tuple(record_of(records.Symbol, each, latex=latex_name(each.name)) for each in declared)
 
 
 def constants(system: System) -> tuple[records.ConstantValue, ...]:
     """Build the records of a system's constants."""
     return tuple(
-        records.ConstantValue(
-            name=c.name,
-            unit=c.unit,
-            description=c.description,
-            latex=latex_name(c.name),
-            value=float(c.value),
-            source=c.source,
-        )
+        record_of(records.ConstantValue, c, latex=latex_name(c.name), value=float(c.value))
         for c in system.constants
     )
 
@@ -167,44 +147,22 @@ def motion_terms(equations: Equations) -> tuple[tuple[SumTerms, SumTerms], ...]:
 def pole_records(linearization: TaylorLinearization) -> tuple[records.Pole, ...]:
     """Build the records of a linearization's poles."""
     return tuple(
-        records.Pole(
-            real=number(p.value.real),
-            imaginary=number(p.value.imag),
-            multiplicity=p.multiplicity,
-            frequency=number(p.frequency),
-            damping=number(p.damping),
-        )
+        record_of(records.Pole, p, real=number(p.value.real), imaginary=number(p.value.imag))
         for p in poles(linearization)
     )
 
 
 def mode_records(linearization: TaylorLinearization) -> tuple[records.Mode, ...]:
     """Build the records of a linearization's undamped modes."""
-    return tuple(
-        records.Mode(
-            frequency=number(m.frequency),
-            growth=number(m.growth),
-            shape=numbers(m.shape),
-            rigid=bool(m.rigid),
-        )
-        for m in modes(linearization)
-    )
+    return tuple(record_of(records.Mode, mode) for mode in modes(linearization))
 
 
 def linearity_records(
     equations: Equations, linearization: TaylorLinearization
 ) -> tuple[records.Linearity, ...]:
     """Build the records of a linearization's range of validity, by mode."""
-    return tuple(
-        records.Linearity(
-            equilibrium=e.equilibrium,
-            mode=e.mode,
-            period=number(e.period),
-            amplitudes=numbers(e.amplitudes),
-            errors=numbers(e.errors),
-        )
-        for e in linearity(equations, linearization)
-    )
+    every = linearity(equations, linearization)
+    return tuple(record_of(records.Linearity, one) for one in every)
 
 
 def errata_records(

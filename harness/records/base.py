@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence, Sized
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
@@ -61,6 +61,27 @@ def numbers(values: Iterable[float | None]) -> Numbers:
 def rows(values: Iterable[Iterable[float | None]]) -> Rows:
     """Convert rows of numbers, such as those of a matrix."""
     return tuple(numbers(row) for row in values)
+
+
+R = TypeVar("R", bound=Record)
+
+
+def record_of(kind: type[R], source: object, **fields: Any) -> R:
+    """Return a record with these fields, and with the attributes of an object for all others.
+
+    Raises:
+        AttributeError: for a field that is neither given nor an attribute.
+    """
+    rest = (name for name in kind.__struct_fields__ if name not in fields)
+    return kind(**fields, **{name: _plain(getattr(source, name)) for name in rest})
+
+
+def _plain(value: Any) -> Any:
+    """Convert a value of a record: numpy's to Python's, and numbers to finite ones or None."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return tuple(map(_plain, value))
+    return number(value) if isinstance(value, float) else value
 
 
 def rounded(values: Sequence[float], digits: int) -> Numbers:

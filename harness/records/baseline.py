@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 
-from .base import Number, Numbers, Record, Rows
+from .base import Number, Numbers, Record, Rows, record_of
 from .case import CaseId, ModelId
 from .diff import CaseNumbers, Diff
 from .outcome import Outcome
@@ -215,18 +215,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
     @property
     def numbers(self) -> CaseNumbers:
         """Numbers that a later run is compared with."""
-        return CaseNumbers(
-            outcome=self.outcome,
-            reason=self.outcome_reason,
-            discrepancy=self.discrepancy,
-            uncertainty=self.uncertainty,
-            component=self.component,
-            global_error=self.global_error,
-            order=self.order,
-            claimed_order=self.claimed_order,
-            integrator=self.integrator,
-            time_step=self.time_step,
-        )
+        return record_of(CaseNumbers, self, reason=self.outcome_reason, digits=None)
 
 
 class AcceptedFinding(Record, frozen=True, kw_only=True):

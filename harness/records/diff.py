@@ -162,17 +162,9 @@ def bare_diff(
     after: CaseNumbers | None = None,
 ) -> Diff:
     """Return the difference of a case that is not compared by its numbers."""
-    return Diff(
-        system=id_.system,
-        model=id_.model,
-        scenario=id_.scenario,
-        engine=id_.engine,
-        status=status,
-        messages=messages,
-        before=before,
-        after=after,
-        run=after is not None,
-    )
+    names = msgspec.structs.asdict(id_)
+    ran = after is not None
+    return Diff(**names, status=status, messages=messages, before=before, after=after, run=ran)
 
 
 def numbers_of(case: Case) -> CaseNumbers:
