@@ -13,9 +13,8 @@ import pytest
 
 from physics_crosscheck.harness.extras.sweep.main import summary
 from physics_crosscheck.harness.extras.sweep.store import read_plan, read_rows
-from physics_crosscheck.harness.interfaces.cli.accept import separate_patterns
 from physics_crosscheck.harness.interfaces.cli.commands import COMMANDS
-from physics_crosscheck.harness.interfaces.cli.gate import targets_and_options
+from physics_crosscheck.harness.interfaces.cli.gate import separate_patterns, targets_and_options
 from physics_crosscheck.harness.interfaces.cli.help import CommandParser
 from physics_crosscheck.harness.interfaces.cli.main import main
 from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply

@@ -423,7 +423,7 @@ COMMANDS: Mapping[str, Command] = {
             arguments.BASELINE,
             switch("Output", "-v --verbose", "Print a line for each accepted case"),
         ),
-        function=f"{_CLI}.accept:main",
+        function=f"{_CLI}.gate:accept_main",
         settings=_BASELINE_SETTINGS,
     ),
     "new": Command(
