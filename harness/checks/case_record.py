@@ -83,10 +83,12 @@ def dynamics_record(
         return None
     judged = comparison.judgement
     sizes = comparison.force_errors.items()
-    terms = tuple(ForceTerm(name=name, discrepancy=number(size)) for name, size in sizes)
-    named = component(names, judged.component)
     return record_of(
-        ForwardDynamics, judged, component=named, states=comparison.states, terms=terms
+        ForwardDynamics,
+        judged,
+        component=component(names, judged.component),
+        states=comparison.states,
+        terms=tuple(ForceTerm(name=name, discrepancy=number(size)) for name, size in sizes),
     )
 
 

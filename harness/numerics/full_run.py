@@ -168,13 +168,7 @@ def _complete(
 ) -> CompleteRun:
     run = _sampled(motion, samples, h, extent, model.epsilon)
     return CompleteRun(
-        h=h,
-        steps=run.steps,
-        every=run.every,
-        t=run.t,
-        states=run.states,
-        error=run.error,
-        epsilon=run.epsilon,
+        **vars(run),
         drift=coordinates.drift(samples.zs),
         balance=None if power is None else energy_balance(run.t, run.states, motion, power),
         seconds=samples.seconds,

@@ -220,8 +220,8 @@ def sound_laws(task: TreeTask) -> LawProblem | None:
     key = task.file, task.engine
     if key not in _SOUND:
         _SOUND.clear()
-        alone = task.sidecar is None and not task.target.smooth
-        laws = law_problem(task) if alone else None
+        has_laws = task.sidecar is None and not task.target.smooth
+        laws = law_problem(task) if has_laws else None
         agrees = laws is not None and laws.judge(task.resolution).outcome is Outcome.AGREES
         _SOUND[key] = laws if agrees else None
     return _SOUND[key]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -119,16 +119,12 @@ class Trajectory:
             for part, rows in ((self.uncertainty, here), (other.uncertainty, there))
             if part is not None
         ]
-        return Trajectory(
+        return replace(
+            self,
             t=self.t[here],
-            names=self.names,
-            units=self.units,
             values=self.values[here] - other.values[there],
             uncertainty=np.sum(parts, axis=0) if parts else None,
-            system=self.system,
-            scenario=self.scenario,
             origin=f"{self.origin} minus {other.origin}",
-            step=self.step,
         )
 
     def __sub__(self, other: Trajectory) -> Trajectory:
