@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from physics_crosscheck.harness.jobs.graph import Job, Task, run_jobs
 from physics_crosscheck.harness.jobs.workers import Failure, Workers
 from physics_crosscheck.harness.modelfiles.model_files import (
     UnreadModel,
@@ -78,39 +77,24 @@ def declared(target: Path, *, floating: bool | None = None, model: str = "") -> 
     )
 
 
-@dataclass(frozen=True)
-class Listed:
-    """The cases with their folders, and one sentence for each target that cannot be listed."""
-
-    cases: tuple[tuple[str, CaseId], ...]
-    faults: tuple[str, ...]
-
-
 def listed(
     targets: Sequence[Path], only: Sequence[str], *, floating: bool | None = None, model: str = ""
-) -> Listed:
+) -> tuple[list[tuple[str, CaseId]], list[str]]:
     """List the cases of system folders and robot files as a run would create them.
 
     Args:
         targets: folders, each with a `system.py` that runs in a worker, and robot files.
         only: engines; empty: all that the sidecars name, or that read the file.
         floating, model: options for reading files, as in `read_robot`.
+
+    Returns:
+        The cases with their folders, and a sentence for each target that cannot be listed.
     """
-    declarations = dict[Path, Declared | Failure]()
-
-    def job(target: Path) -> Job[Declared]:
-        def done(value: Declared | Failure) -> tuple[()]:
-            declarations[target] = value
-            return ()
-
-        glance = partial(declared, floating=floating, model=model)
-        return Job(task=Task(glance, target), done=done, failed=done)
-
     with Workers(1) as workers:
-        run_jobs(map(job, targets), workers)
+        reading = partial(declared, floating=floating, model=model)
+        declarations = workers.outcomes(reading, targets)
     cases, faults = list[tuple[str, CaseId]](), list[str]()
-    for target in targets:
-        system = declarations[target]
+    for target, system in zip(targets, declarations, strict=True):
         if isinstance(system, Failure):
             faults.append(system.about(target) if target.is_file() else system.reason)
             continue
@@ -119,12 +103,8 @@ def listed(
                 faults.append(file.reason)
                 continue
             name = model_path(file).name
-            cases += [
-                (
-                    str(target),
-                    CaseId(system=system.name, model=name, scenario=scenario, engine=engine),
-                )
-                for engine in chosen_engines(file, only)
-                for scenario in system.scenarios
-            ]
-    return Listed(tuple(cases), tuple(faults))
+            for engine in chosen_engines(file, only):
+                for scenario in system.scenarios:
+                    case = CaseId(system=system.name, model=name, scenario=scenario, engine=engine)
+                    cases.append((str(target), case))
+    return cases, faults

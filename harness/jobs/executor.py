@@ -5,7 +5,7 @@
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar, cast
@@ -81,6 +81,16 @@ class Executor(ABC):
         while not pending.ended:
             self.turn()
         return cast(Value | Failure, pending.value)  # None is a valid value too
+
+    def outcomes(
+        self, function: Callable[[Argument], Value], arguments: Iterable[Argument]
+    ) -> list[Value | Failure]:
+        """Run a function on each argument, and return their values or failures in order."""
+        values: list[Value | Failure] = []
+        for pending in [self.submit(function, argument) for argument in arguments]:
+            value = self.outcome(pending)
+            values.append(value)
+        return values
 
     @abstractmethod
     def close(self) -> None:

@@ -172,7 +172,7 @@ def test_foreign_page_is_not_replaced(
     page = old / "index.html"
     page.write_text("<html><title>my site</title></html>")
     monkeypatch.setattr("physics_crosscheck.harness.interfaces.cli.run.run", started)
-    monkeypatch.setattr("physics_crosscheck.harness.extras.sweep.main.make_executor", started)
+    monkeypatch.setattr("physics_crosscheck.harness.extras.sweep.main.executor", started)
     words = {"run": ["run", "simple_pendulum"], "sweep": ["sweep", "simple_pendulum"]}
     assert main([*words.get(command, ["report", str(old)]), "--out", str(old)]) == 2
     output = capsys.readouterr().err

@@ -411,12 +411,8 @@ def ask_each(
     executor: Executor, candidate: Candidate, function: Callable[[T], V], arguments: Sequence[T]
 ) -> list[V | Failure]:
     """Run a function on each argument; failures have the model's name."""
-    tasks = [executor.submit(function, argument) for argument in arguments]
-    values: list[V | Failure] = []
-    for task in tasks:
-        value = executor.outcome(task)
-        values.append(_named(candidate, value) if isinstance(value, Failure) else value)
-    return values
+    values = executor.outcomes(function, arguments)
+    return [_named(candidate, one) if isinstance(one, Failure) else one for one in values]
 
 
 def _named(candidate: Candidate, failure: Failure) -> Failure:

@@ -154,22 +154,14 @@ def planned(options: SweepOptions, places: Sequence[Path], workers: Executor) ->
     Raises:
         SweepError: giving the problem, the place and the remedy.
     """
-    surveys: dict[str, SourceSurvey] = {}
-
-    def job(place: Path) -> Job[SourceSurvey]:
-        surveying = partial(survey, content=content_of(place), options=options)
-
-        def surveyed(value: SourceSurvey) -> tuple[()]:
-            surveys[str(place)] = value
-            return ()
-
-        def failed(failure: Failure) -> tuple[()]:
-            raise SweepError(failure.about(place if place.is_file() else place / "system.py"))
-
-        return Job(task=Task(surveying, str(place)), done=surveyed, failed=failed)
-
-    run_jobs(map(job, places), workers)
-    return plan(options, [surveys[str(place)] for place in places])
+    named = [(str(place), content_of(place)) for place in places]
+    surveys = list[SourceSurvey]()
+    outcomes = workers.outcomes(partial(survey, options=options), named)
+    for place, outcome in zip(places, outcomes, strict=True):
+        if isinstance(outcome, Failure):
+            raise SweepError(outcome.about(place if place.is_file() else place / "system.py"))
+        surveys.append(outcome)
+    return plan(options, surveys)
 
 
 def plan_record(whole: CasePlan) -> SweepPlan:

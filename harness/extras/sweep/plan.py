@@ -77,12 +77,11 @@ class SourceSurvey:
         return (*absent, *without, *fixed)
 
 
-def survey(folder: str, *, content: str, options: SweepOptions) -> SourceSurvey:
+def survey(target: tuple[str, str], *, options: SweepOptions) -> SourceSurvey:
     """Load a folder and its models once, in a worker, since a declaration is a program.
 
     Args:
-        folder: folder of the system, or the robot file.
-        content: hash of its content.
+        target: folder of the system, or the robot file, and the hash of its content.
         options: factors, and the selected models, engines, scenarios and integrators.
 
     Raises:
@@ -90,6 +89,7 @@ def survey(folder: str, *, content: str, options: SweepOptions) -> SourceSurvey:
             the problem, the place and the remedy, also for a model that can't follow a varied
             constant.
     """
+    folder, content = target
     with record_reads(Path(folder)) as seen:
         constants = swept(folder, frozenset(), content).constants
         varied = frozenset(one.name for one in matching_factors(options.factors, constants))

@@ -247,11 +247,11 @@ def _flat_rows(path: Path) -> list[dict[str, Any]]:
 
 def _schema(pyarrow: Any, constants: Sequence[str]) -> Any:
     columns: list[tuple[str, str]] = []
-    for one in msgspec.structs.fields(SweepRow):
-        if one.name == "constants":
+    for column in msgspec.structs.fields(SweepRow):
+        if column.name == "constants":
             columns += [(COLUMN + name, "float64") for name in constants]
         else:
-            columns.append((one.name, _TYPES.get(one.type, "string")))
+            columns.append((column.name, _TYPES.get(column.type, "string")))
     return pyarrow.schema([(name, pyarrow.type_for_alias(kind)) for name, kind in columns])
 
 

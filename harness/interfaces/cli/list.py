@@ -6,6 +6,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from msgspec.structs import asdict
+
 from physics_crosscheck.harness.checks.declared import listed
 from physics_crosscheck.harness.modelfiles.choice import matching
 from physics_crosscheck.harness.modelfiles.folders import check_engines
@@ -23,25 +25,17 @@ def main(options: argparse.Namespace) -> int:
     names = options.folders or models_below(Path())
     targets = resolve_targets(names, standalone=options.standalone, model=options.model)
     choice = replace(targets.choice, words=options.words)
-    listing = listed(targets.paths, options.engines, floating=options.floating, model=options.model)
-    cases = [(folder, case) for folder, case in listing.cases if choice.includes(folder, case)]
+    reading = {"floating": options.floating, "model": options.model}
+    every, unlisted = listed(targets.paths, options.engines, **reading)
+    cases = [(folder, case) for folder, case in every if choice.includes(folder, case)]
     if options.format == "json":
-        rows = [
-            {
-                "folder": folder,
-                "system": case.system,
-                "model": case.model,
-                "scenario": case.scenario,
-                "engine": case.engine,
-            }
-            for folder, case in cases
-        ]
+        rows = [{"folder": folder, **asdict(case)} for folder, case in cases]
         print(json.dumps(rows, indent=1))
     else:
         for _, case in cases:
             print(visible(str(case)))
         print(counted(len(cases), "case"), file=sys.stderr)
-    faults = (*targets.named.faults.values(), *listing.faults)
+    faults = (*targets.named.faults.values(), *unlisted)
     for fault in faults:
         print(f"crosscheck: {fault}", file=sys.stderr)
     return USAGE if faults or not cases else AGREE
