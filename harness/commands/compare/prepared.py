@@ -14,10 +14,9 @@ from physics_crosscheck.reference.mechanism.tree import WORLD
 from physics_crosscheck.reference.solving.collocation import ReferenceError
 from physics_crosscheck.reference.solving.samples import locked_joints
 from .actuators import held_alike, pair_actuators
-from .alignment import PlacedTree, placed, positions
 from .candidate import COUPLED, Candidate, CompareError, Facts, ask, facts, smooth
 from .match import Match, Pairs, match, pair_joints, spoken_for
-from .side import FileEquations, lines_of, make_property, model_side, shown
+from .side import FileEquations, ModelSide, lines_of, make_property, model_side, shown
 
 T = TypeVar("T")
 
@@ -72,7 +71,10 @@ def prepare(
     readback = a.sidecar.readback, b.sidecar.readback
     names = models[0].coordinates, models[1].coordinates
     given = spoken_for(*names, joints, readback)
-    joint_pairs = pair_joints(*names, given, _drawn(models))
+    drawn = [model_side(one, one.home) for one in models]
+    joint_pairs = pair_joints(
+        *names, given, (drawn[0].placed, drawn[1].placed) if drawn[0] and drawn[1] else None
+    )
     notes, omissions = list(floated), (_parts(models[0]), _parts(models[1]))
     if include_constraints:
         every = "contacts, joint limits, dry friction and couplings of the files are included"
@@ -87,7 +89,7 @@ def prepare(
             for name, at in held.items()
         ]
     pairs, locked = _joints(joint_pairs, joints), tuple(map(_locked, models))
-    differences = (*_lock_differences(models, pairs, locked), *_loop_differences(models))
+    differences = (*_lock_differences(drawn, pairs, locked), *_loop_differences(models))
     notes += _lock(models, pairs, locked, still)
     moving = {a: b for a, b in joint_pairs.pairs.items() if a not in still[0]}
     joint_pairs = replace(joint_pairs, pairs=moving)
@@ -121,14 +123,14 @@ def _locked(model: Facts) -> dict[str, float]:
 
 
 def _lock_differences(
-    models: Pair, pairs: Mapping[str, str], locked: tuple[Mapping[str, float], ...]
+    sides: Sequence[ModelSide | None],
+    pairs: Mapping[str, str],
+    locked: tuple[Mapping[str, float], ...],
 ) -> Iterator[ComparedProperty]:
     """Yield different dampings of pairs of joints of which damping locks at least one."""
-    named = [(a, b) for a, b in pairs.items() if a in locked[0] or b in locked[1]]
-    sides = [model_side(one, one.home) for one in models if named]
-    if not sides or sides[0] is None or sides[1] is None:
+    if sides[0] is None or sides[1] is None:
         return
-    for names in named:
+    for names in ((a, b) for a, b in pairs.items() if a in locked[0] or b in locked[1]):
         a, b = (
             next((link.damping for link in side.tree.links if link.name == name), 0.0)
             for side, name in zip((sides[0], sides[1]), names, strict=True)
@@ -306,17 +308,6 @@ def _matched(
             message = f"{error}; none was found by name, order or geometry, and none can be held"
             raise CompareError(message) from None
         raise
-
-
-def _drawn(models: Pair) -> tuple[PlacedTree, PlacedTree] | None:
-    """Return both files' joints as drawn; None if one is not a tree of hinges and slides."""
-    sides = []
-    for model in models:
-        tree = model.whole_tree
-        if tree is None:
-            return None
-        sides.append(placed(tree, positions(tree, model.coordinates, model.home)))
-    return sides[0], sides[1]
 
 
 def _held(model: Facts, names: Sequence[str]) -> dict[str, float]:

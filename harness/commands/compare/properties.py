@@ -65,7 +65,11 @@ def properties(
         differences += _joint(a, b, row, pair, size)
         differences += _body_properties(a, b, row, size)
     differences += _gravity(a, b)
-    differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
+    differences += [*_ranges(a, b, rows, by_name), *_tendons(a, b)]
+    if a.facts.compiled is not None and b.facts.compiled is not None:
+        acting = any(side.facts.robot and side.facts.robot.controls for side in (a, b))
+        of_a, of_b = a.facts.actuators, b.facts.actuators
+        differences += actuator_properties(of_a, of_b, dict(names), bool(acting))
     return [*differences, *stated_properties(a, b, rows, by_name)], tuple(turned)
 
 
@@ -108,7 +112,8 @@ def _geometry(
     link = a.tree.links[row.a]
     name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
     if row.angle > SAME:
-        vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
+        sign = -1.0 if row.opposite else 1.0  # in the direction of A's
+        vectors = _vector(a.placed.axes[row.a]), _vector(sign * b.placed.axes[row.b])
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
         message += f", {row.angle:.3g} rad apart"
         across = np.cross(u, row.axis)
@@ -159,12 +164,6 @@ def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterat
             message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
             changed = with_link(a.tree, row.a, rest=(rest,))
             yield make_property("rest", name, message, a=link_a.rest[0], b=rest, changed=changed)
-
-
-def _axis(b: ModelSide, row: Aligned) -> Array:
-    """Return B's axis, with the direction of A's."""
-    axis: Array = b.placed.axes[row.b] * (-1.0 if row.opposite else 1.0)
-    return axis
 
 
 def _vector(values: Array) -> str:
@@ -432,14 +431,6 @@ def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
 
 def _row(values: Sequence[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values) or "none"
-
-
-def _actuators(a: ModelSide, b: ModelSide, names: dict[str, str]) -> Iterator[Difference]:
-    if a.facts.compiled is None or b.facts.compiled is None:
-        return
-    robots = (own.facts.robot for own in (a, b))
-    acting = any(robot is not None and bool(robot.controls) for robot in robots)
-    yield from actuator_properties(a.facts.actuators, b.facts.actuators, names, acting)
 
 
 POSE_ACCURACY = 1e-9

@@ -129,7 +129,6 @@ class ModelSide:
     """Contents of a file, and the placement of its bodies at the common position.
 
     Attributes:
-        label: "A" or "B".
         file: that was read.
         facts: of the model as it runs.
         position: of the tree's coordinates, (nv,).
@@ -138,7 +137,6 @@ class ModelSide:
         springs: whether a sidecar adds springs to the file.
     """
 
-    label: str
     file: Path
     facts: Facts
     position: Array
@@ -348,7 +346,6 @@ def model_side(facts: Facts, z: Array) -> ModelSide | None:
             parts[part.body].append(part)
     return ModelSide(
         position=z[[facts.coordinates.index(name) for name in names_of(tree)]],
-        label=facts.candidate.label,
         file=facts.candidate.sidecar.model,
         facts=facts,
         placed=placed(tree, positions(tree, facts.coordinates, z)),
