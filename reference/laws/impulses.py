@@ -48,6 +48,9 @@ FIRST_SOLUTION = 8
 ROUGHLY = 1e-9
 """Share of the largest change of a velocity that sweeps may leave."""
 
+DEPENDENT = 1e-12
+"""Singular value, relative to the largest one, below which rows depend on each other."""
+
 DIGITS = 16
 """Last digits by which each term may be rounded."""
 
@@ -331,12 +334,12 @@ class _Sweeps:
         is_inner = (bounds[:, 0] < p) & (p < bounds[:, 1]) & (self._inertias[rows] > SMALLEST)
         inner = np.array(rows, dtype=int)[is_inner]
         softness = np.array(self._rows.softness)[inner]
-        matrix = self._matrix[np.ix_(inner, inner)] + np.diag(softness)
+        size = np.sqrt(self._inertias[inner])
+        matrix = (self._matrix[np.ix_(inner, inner)] + np.diag(softness)) / np.outer(size, size)
         lacks = np.array(self._rows.targets)[inner] - self._velocities[inner]
-        try:
-            change = np.linalg.solve(matrix, lacks - softness * p[is_inner])
-        except np.linalg.LinAlgError:
-            return
+        lacks -= softness * p[is_inner]
+        # Contacts of a flat foot depend on each other: their least change keeps a solution.
+        change = np.linalg.lstsq(matrix, lacks / size, rcond=DEPENDENT)[0] / size
         ends = np.where(change > 0, bounds[is_inner, 1], bounds[is_inner, 0]) - p[is_inner]
         room = np.where(change != 0, ends / np.where(change != 0, change, 1.0), np.inf)
         share = min(1.0, float(np.min(room, initial=np.inf)))
