@@ -111,7 +111,7 @@ def expand(source: Path) -> Path:
         file = locate_file(whole, mesh.getAttribute("filename"))
         if file is not None:
             mesh.setAttribute("filename", str(file.resolve()))
-    marks = list(_marks(tree.documentElement))
+    marks = [element.getUserData(_MARK) for element in tree.getElementsByTagName("*")]
     target = cached_copy(whole, words, expanded_name(source))
     write_copy(source, target, tree.toprettyxml(indent="  ").encode(), marks)
     return target
@@ -224,10 +224,9 @@ def _place(error: BaseException, source: Path) -> str:
     """Return the source, and file and line of the innermost element that xacro evaluated."""
     nodes = (frame.f_locals.get("node") for frame, _ in traceback.walk_tb(error.__traceback__))
     marks = [node.getUserData(_MARK) for node in nodes if isinstance(node, Node)]
-    file, line = next((mark for mark in reversed(marks) if mark), (str(source), None))
-    if line is None:
-        return str(source)
-    return f"{source}:{line}" if file == str(source.absolute()) else f"{source}: {file}:{line}"
+    for file, line in filter(None, reversed(marks)):
+        return f"{source}:{line}" if file == str(source.absolute()) else f"{source}: {file}:{line}"
+    return str(source)
 
 
 def _reason(error: BaseException) -> str:
@@ -385,14 +384,6 @@ class _MarkingBuilder(expatbuilder.ExpatBuilderNS):
         """Give a copied element its mark, as minidom's handlers of user data do."""
         if copy is not None:
             copy.setUserData(key, mark, self)
-
-
-def _marks(element: Any) -> Iterator[tuple[str, int] | None]:
-    """Yield the source of each element in document order."""
-    yield element.getUserData(_MARK)
-    for child in element.childNodes:
-        if child.nodeType == Node.ELEMENT_NODE:
-            yield from _marks(child)
 
 
 def source_of(file: Path) -> Path:
