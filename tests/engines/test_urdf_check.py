@@ -147,6 +147,13 @@ def test_refusal_begins_with_a_reason_and_a_line(
         loaded(engine, text.encode(), tmp_path / "robot.urdf")
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_refusal_of_an_inertia_has_the_line_of_its_link(engine: str, tmp_path: Path) -> None:
+    text = 'izz="9"'.join(GOOD.rsplit('izz="0.01"', 1))
+    with pytest.raises(EngineError, match=r"robot.urdf:3: .*inertia"):
+        loaded(engine, text.encode(), tmp_path / "robot.urdf")
+
+
 @pytest.mark.parametrize("words", ["0.5,0,0", "0.5 ,0 ,0", "0.5, 0, 0,"])
 def test_commas_that_an_engine_reads_as_zeros_are_rejected(words: str, tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
