@@ -285,7 +285,10 @@ def ranked(
     if not ranking.fits or _single(ranking):
         return ranking
     for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
-        other = run_followers(at_some(task.with_settings(**settings)))
+        try:
+            other = run_followers(at_some(task.with_settings(**settings)))
+        except EngineError:  # it can't move the file without this behaviour
+            continue
         corrected, _ = _ranked(other, problem, is_reference=is_reference)
         if _single(corrected):
             return replace(corrected, switched_off=causes)
