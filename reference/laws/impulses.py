@@ -544,9 +544,10 @@ class _ContactImpulses:
         if not linear.any():
             return  # two bodies that do not move
         softness, recovery = self._spring
+        first, other = self._surfaces
         distance = contact.distance + self._rules.slop
         approach = float(linear[0] @ self.free)
-        bounced = max(0.0, -self._restitution * approach)
+        bounced = max(0.0, -first.restitution * other.restitution * approach)
         target = bounced if abs(approach) >= self._rules.bounce else 0.0
         target -= distance / h if distance > 0 else distance * recovery / h
         size = (abs(distance) + float(np.max(np.abs(contact.position)))) / h
@@ -554,16 +555,16 @@ class _ContactImpulses:
                           softness=softness, size=size,
                           guess=float(contact.impulse[0]))  # fmt: skip
         drift = contact.frame[1:] @ (contact.other - contact.position)
-        recovery_speed = (
-            -self._rules.friction_recovery / h * drift if self._anchored else np.zeros(2)
-        )
+        anchored = first.anchored or other.anchored
+        recovery_speed = -self._rules.friction_recovery / h * drift * anchored
         across = tuple(
             rows.add(
                 linear[i], float(recovery_speed[i - 1]), (0.0, 0.0), guess=float(contact.impulse[i])
             )
             for i in (1, 2)
         )
-        rows.cones.append(FrictionCone(normal, across, self._friction))
+        friction = mixed_friction(self._rules.mixing, first.friction, other.friction)
+        rows.cones.append(FrictionCone(normal, across, min(friction, LARGEST_FRICTION)))
 
     @property
     def _rules(self) -> ImpulseRules:
@@ -583,21 +584,6 @@ class _ContactImpulses:
             moving - self.posture.jacobian(first, self.contact.position)[0]
         )
         return result
-
-    @property
-    def _friction(self) -> float:
-        first, other = self._surfaces
-        friction = mixed_friction(self._rules.mixing, first.friction, other.friction)
-        return min(friction, LARGEST_FRICTION)
-
-    @property
-    def _restitution(self) -> float:
-        first, other = self._surfaces
-        return first.restitution * other.restitution
-
-    @property
-    def _anchored(self) -> bool:
-        return any(surface.anchored for surface in self._surfaces)
 
     @property
     def _spring(self) -> tuple[float, float]:
