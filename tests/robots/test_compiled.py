@@ -322,7 +322,6 @@ def test_agreement_on_compiled_inertias_has_a_reservation(tmp_path: Path) -> Non
 def test_part_that_only_mujoco_refuses_leaves_the_verdicts_of_other_engines(
     tmp_path: Path, changes: dict[str, str], reason: str
 ) -> None:
-    """Catch attributes of older formats, sensors and keyframes that cost every verdict."""
     text = MESHED
     for old, new in changes.items():
         text = text.replace(old, new)
