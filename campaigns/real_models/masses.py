@@ -47,20 +47,26 @@ def _origin(element: ElementTree.Element | None) -> tuple[Array, Array]:
     return turn, _numbers(element, "xyz", "0 0 0")
 
 
-def urdf_mass(file: Path, q: Mapping[str, float]) -> Array:
-    """Return the mass matrix of a URDF with a fixed root, from its text.
+def urdf_mass(file: Path, q: Mapping[str, float], root: Array) -> Array:
+    """Return the mass matrix of a URDF, from its text.
 
     Args:
         file: the URDF.
         q: positions by the joints' names, which order the matrix; others are fixed.
+        root: position and unit quaternion of a free root, whose velocities are the first ones,
+            angular and linear along its own axes; empty for a fixed root.
     """
     robot = ElementTree.parse(file).getroot()
     joints = {one.find("child").get("link"): one for one in robot.findall("joint")}  # type: ignore[union-attr]
-    order, mass = list(q), np.zeros((len(q), len(q)))
+    order = [""] * (6 if len(root) else 0) + list(q)
+    mass = np.zeros((len(order), len(order)))
 
     def place(link: str) -> tuple[Array, Array, list[tuple[int, bool, Array, Array]]]:
         """Return rotation and origin of a link, and the joints that carry it, in the world."""
         joint = joints.get(link)
+        if joint is None and len(root):
+            turn, origin = from_quaternion(root[3:]), root[:3]
+            return turn, origin, [(i, i >= 3, turn[:, i % 3], origin) for i in range(6)]
         if joint is None:
             return np.eye(3), np.zeros(3), []
         turn, origin, carried = place(joint.find("parent").get("link", ""))  # type: ignore[union-attr]
@@ -87,7 +93,7 @@ def urdf_mass(file: Path, q: Mapping[str, float]) -> Array:
         keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
         inertia = inertial.find("inertia")
         tensor = np.array([float(_numbers(inertia, key, "0")[0]) for key in keys]).reshape(3, 3)
-        linear, angular = np.zeros((2, 3, len(q)))
+        linear, angular = np.zeros((2, 3, len(order)))
         for i, slides, axis, anchor in carried:
             linear[:, i] = axis if slides else np.cross(axis, center - anchor)
             angular[:, i] = 0.0 if slides else axis
@@ -136,8 +142,9 @@ def difference(file: Path) -> float:
                 turn = q[here][-4:]
                 q[here.stop - 4 : here.stop] = turn / np.linalg.norm(turn)
         if file.suffix == ".urdf":
-            names = [link.name for link in tree.links]
-            other = urdf_mass(file, dict(zip(names, q.tolist(), strict=True)))
+            root = q[:7] if tree.links[0].kind == "free" else q[:0]
+            names = [link.name for link in tree.links if link.kind != "free"]
+            other = urdf_mass(file, dict(zip(names, q[len(root) :].tolist(), strict=True)), root)
         else:
             other = mjcf_mass(file, tree, q)
         ours = np.array(dynamics.mass(q), dtype=float)

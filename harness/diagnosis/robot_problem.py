@@ -191,16 +191,13 @@ class RobotProblem(NumberProblem):
                 self._flows[key] = (
                     None
                     if tree is None or self._is_impossible(tree)
-                    else self._near(values).for_tree(tree)
+                    else self._last.get(tuple(values), self.flow).for_tree(tree)
                 )
             except ReferenceError:
                 self._flows[key] = None
             if (flow := self._flows[key]) is not None:
                 self._last[tuple(values)] = flow
         return self._flows[key]
-
-    def _near(self, values: Mapping[int, float]) -> Flow:
-        return self._last.get(tuple(values), self.flow)
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:
         with np.errstate(all="ignore"):
@@ -360,15 +357,12 @@ def _dropped(numbers: ModelFile) -> Iterator[Hypothesis]:
             groups.setdefault(nonzero, name)
     for chosen, name in groups.items():
         elements = tuple(dict.fromkeys(numerals[i].address.split("@")[0] for i in chosen))
-        several = (f"{name} of {len(elements)} elements",)
-        subject = _named(elements, name) if len(elements) <= MAX_NAMED_ELEMENTS else several
+        subject = tuple(f"{name} of {element}" for element in elements)
+        if len(elements) > MAX_NAMED_ELEMENTS:
+            subject = (f"{name} of {len(elements)} elements",)
         cause = CauseId(kind="dropped", subject=subject)
         units = {i: -numerals[i].value for i in chosen}
         yield _switch(numbers, cause, units, rank("default"))
-
-
-def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
-    return tuple(f"{name} of {element}" for element in elements)
 
 
 def _groups(numbers: ModelFile) -> Iterator[tuple[str, list[int]]]:

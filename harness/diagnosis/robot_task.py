@@ -285,7 +285,10 @@ def ranked(
     if not ranking.fits or ranking.is_single:
         return ranking
     for causes, settings in (one for tried in _remedy_groups(run) for one in tried):
-        other = run_followers(at_some(task.with_settings(**settings)))
+        try:
+            other = run_followers(at_some(task.with_settings(**settings)))
+        except EngineError:  # it can't move the file without this behaviour
+            continue
         corrected, _ = _ranked(other, problem, is_reference=is_reference)
         if corrected.is_single:
             return replace(corrected, switched_off=causes)

@@ -5,13 +5,15 @@ import os
 import re
 import shlex
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
-from xml.dom import Node, expatbuilder
+from xml.dom import expatbuilder
+from xml.dom.minidom import Node
 
 import msgspec
 
@@ -23,7 +25,7 @@ from .reading import read_regular
 XACRO = ".xacro"
 
 _MARK = "crosscheck-source"
-"""Attribute that carries an element's line through macros; the expanded file lacks it."""
+"""Key of an element's file and line, through macros."""
 
 _LINES: dict[str, dict[int, tuple[str, int]]] = {}
 """Source file and line by the line of an expanded file, by its path."""
@@ -77,17 +79,17 @@ def expand(source: Path) -> Path:
 
     whole = source.absolute()
     words = shlex.split(os.environ.get(ARGUMENTS, ""))
-    absent: list[ExpansionError] = []  # xacro wraps an error within an expression
+    absent: list[str] = []  # xacro wraps an error within an expression
 
     def find(package: str) -> str:
         folder = next((one for one in package_folders(package, whole) if one.is_dir()), None)
         if folder is None:
-            absent.append(ExpansionError(
-                f"{source}: needs the ROS package {package}, neither beside its own package"
+            absent.append(
+                f"needs the ROS package {package}, neither beside its own package"
                 " nor in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH. Put its folder beside"
                 f" {package_root(whole)}, or source the setup file of its workspace"
-            ))  # fmt: skip
-            raise absent[0]
+            )
+            raise ExpansionError(absent[0])
         return str(folder)
 
     try:
@@ -101,15 +103,15 @@ def expand(source: Path) -> Path:
             given = dict(word.split(":=", 1) for word in words)
             tree = xacro.process_file(str(whole), mappings=given)
     except Exception as error:  # macros evaluate any Python expression
-        failure = absent[0] if absent else ExpansionError(f"{source}: xacro: {_reason(error)}")
-        raise failure from None
+        reason = absent[0] if absent else f"xacro: {_reason(error)}"
+        raise ExpansionError(f"{_place(error, source)}: {reason}") from None
     if not tree.getElementsByTagName("link") and b"xacro:macro" in whole.read_bytes():
         raise ExpansionError(f"{source}: it defines macros, not a robot. {_users(whole)}")
     for mesh in tree.getElementsByTagName("mesh"):
         file = locate_file(whole, mesh.getAttribute("filename"))
         if file is not None:
             mesh.setAttribute("filename", str(file.resolve()))
-    marks = list(_marks(tree.documentElement))
+    marks = [element.getUserData(_MARK) for element in tree.getElementsByTagName("*")]
     target = cached_copy(whole, words, expanded_name(source))
     write_copy(source, target, tree.toprettyxml(indent="  ").encode(), marks)
     return target
@@ -218,9 +220,18 @@ def _write(target: Path, data: bytes) -> None:
     os.replace(temporary, target)  # another process may read it
 
 
+def _place(error: BaseException, source: Path) -> str:
+    """Return the source, and file and line of the innermost element that xacro evaluated."""
+    nodes = (frame.f_locals.get("node") for frame, _ in traceback.walk_tb(error.__traceback__))
+    marks = [node.getUserData(_MARK) for node in nodes if isinstance(node, Node)]
+    for file, line in filter(None, reversed(marks)):
+        return f"{source}:{line}" if file == str(source.absolute()) else f"{source}: {file}:{line}"
+    return str(source)
+
+
 def _reason(error: BaseException) -> str:
     """Return the innermost cause of an error of xacro, in one line with a remedy."""
-    text = " ".join(str(error).split()) or type(error).__name__
+    text = " ".join(str(error).split()).split(" [Errno ")[0] or type(error).__name__
     if missing := re.search(r"Undefined substitution argument (\S+)", text):
         name = missing[1].strip("'\"")
         return f"the argument {name} has no default. Add {name}:=VALUE to the command"
@@ -358,7 +369,7 @@ def replaced(module: Any, name: str, value: object) -> Iterator[None]:
 
 
 class _MarkingBuilder(expatbuilder.ExpatBuilderNS):
-    """A parser that writes the line of each element into an attribute."""
+    """A parser that gives each element its file and line; copies of an element keep them."""
 
     def __init__(self, file: str) -> None:
         super().__init__()
@@ -366,21 +377,13 @@ class _MarkingBuilder(expatbuilder.ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         super().start_element_handler(name, attributes)
-        node = self.curNode
-        # Macros refuse attributes that are not their parameters.
-        if node.nodeType == Node.ELEMENT_NODE and not node.tagName.startswith("xacro:"):
-            node.setAttribute(_MARK, f"{self._file}:{self.getParser().CurrentLineNumber}")
+        mark = self._file, self.getParser().CurrentLineNumber
+        self.curNode.setUserData(_MARK, mark, self)
 
-
-def _marks(element: Any) -> Iterator[tuple[str, int] | None]:
-    """Yield the source of each element in document order, and remove the marks."""
-    file, _, line = element.getAttribute(_MARK).rpartition(":")
-    with suppress(Exception):
-        element.removeAttribute(_MARK)
-    yield (file, int(line)) if file else None
-    for child in element.childNodes:
-        if child.nodeType == Node.ELEMENT_NODE:
-            yield from _marks(child)
+    def handle(self, _operation: int, key: str, mark: object, _node: object, copy: Any) -> None:
+        """Give a copied element its mark, as minidom's handlers of user data do."""
+        if copy is not None:
+            copy.setUserData(key, mark, self)
 
 
 def source_of(file: Path) -> Path:

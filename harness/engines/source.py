@@ -209,6 +209,10 @@ def load_failure(
         if re.search(pattern, message):
             for element, reason in check(read_document(path).root, path, message):
                 return kind(f"{reason} ({text})", file=element.place[0], line=element.place[1])
+    named = re.findall(r"'([^']+)'", message) if path.suffix == ".urdf" else ()
+    for link in read_document(path).root.findall("link") if named else ():
+        if link.get("name") in named:
+            return kind(text, file=link.place[0], line=link.place[1])
     return kind(text, file=path, line=line)
 
 

@@ -314,10 +314,5 @@ def dropped_cause(document: Document, title: str) -> str:
         for inertial in document.root.findall("link/inertial")
         for place in list(_blanks(inertial))[:1]
     ]
-    more = f" and {len(places) - 3} more" if len(places) > 3 else ""
-    listed = ", ".join(places[:3]) + more
-    return (
-        f"{title}'s dropping of <inertial>s in which a blank follows a number ({listed})"
-        if (places)
-        else ""
-    )
+    cause = f"{title}'s dropping of <inertial>s in which a blank follows a number"
+    return f"{cause} ({shortened(places, 3)})" if places else ""

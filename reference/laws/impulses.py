@@ -48,6 +48,9 @@ FIRST_SOLUTION = 8
 ROUGHLY = 1e-9
 """Share of the largest change of a velocity that sweeps may leave."""
 
+DEPENDENT = 1e-12
+"""Singular value, relative to the largest one, below which rows depend on each other."""
+
 DIGITS = 16
 """Last digits by which each term may be rounded."""
 
@@ -331,12 +334,12 @@ class _Sweeps:
         is_inner = (bounds[:, 0] < p) & (p < bounds[:, 1]) & (self._inertias[rows] > SMALLEST)
         inner = np.array(rows, dtype=int)[is_inner]
         softness = np.array(self._rows.softness)[inner]
-        matrix = self._matrix[np.ix_(inner, inner)] + np.diag(softness)
+        size = np.sqrt(self._inertias[inner])
+        matrix = (self._matrix[np.ix_(inner, inner)] + np.diag(softness)) / np.outer(size, size)
         lacks = np.array(self._rows.targets)[inner] - self._velocities[inner]
-        try:
-            change = np.linalg.solve(matrix, lacks - softness * p[is_inner])
-        except np.linalg.LinAlgError:
-            return
+        lacks -= softness * p[is_inner]
+        # Contacts of a flat foot depend on each other: their least change keeps a solution.
+        change = np.linalg.lstsq(matrix, lacks / size, rcond=DEPENDENT)[0] / size
         ends = np.where(change > 0, bounds[is_inner, 1], bounds[is_inner, 0]) - p[is_inner]
         room = np.where(change != 0, ends / np.where(change != 0, change, 1.0), np.inf)
         share = min(1.0, float(np.min(room, initial=np.inf)))
@@ -541,9 +544,10 @@ class _ContactImpulses:
         if not linear.any():
             return  # two bodies that do not move
         softness, recovery = self._spring
+        first, other = self._surfaces
         distance = contact.distance + self._rules.slop
         approach = float(linear[0] @ self.free)
-        bounced = max(0.0, -self._restitution * approach)
+        bounced = max(0.0, -first.restitution * other.restitution * approach)
         target = bounced if abs(approach) >= self._rules.bounce else 0.0
         target -= distance / h if distance > 0 else distance * recovery / h
         size = (abs(distance) + float(np.max(np.abs(contact.position)))) / h
@@ -551,16 +555,16 @@ class _ContactImpulses:
                           softness=softness, size=size,
                           guess=float(contact.impulse[0]))  # fmt: skip
         drift = contact.frame[1:] @ (contact.other - contact.position)
-        recovery_speed = (
-            -self._rules.friction_recovery / h * drift if self._anchored else np.zeros(2)
-        )
+        anchored = first.anchored or other.anchored
+        recovery_speed = -self._rules.friction_recovery / h * drift * anchored
         across = tuple(
             rows.add(
                 linear[i], float(recovery_speed[i - 1]), (0.0, 0.0), guess=float(contact.impulse[i])
             )
             for i in (1, 2)
         )
-        rows.cones.append(FrictionCone(normal, across, self._friction))
+        friction = mixed_friction(self._rules.mixing, first.friction, other.friction)
+        rows.cones.append(FrictionCone(normal, across, min(friction, LARGEST_FRICTION)))
 
     @property
     def _rules(self) -> ImpulseRules:
@@ -580,21 +584,6 @@ class _ContactImpulses:
             moving - self.posture.jacobian(first, self.contact.position)[0]
         )
         return result
-
-    @property
-    def _friction(self) -> float:
-        first, other = self._surfaces
-        friction = mixed_friction(self._rules.mixing, first.friction, other.friction)
-        return min(friction, LARGEST_FRICTION)
-
-    @property
-    def _restitution(self) -> float:
-        first, other = self._surfaces
-        return first.restitution * other.restitution
-
-    @property
-    def _anchored(self) -> bool:
-        return any(surface.anchored for surface in self._surfaces)
 
     @property
     def _spring(self) -> tuple[float, float]:

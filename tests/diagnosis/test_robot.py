@@ -387,6 +387,15 @@ SHAPED = """<robot name="spun">
 </robot>"""
 
 
+def test_masses_that_an_engine_needs_are_its_cause(tmp_path: Path) -> None:
+    """Catch a diagnosis that ends where PyBullet can't move a joint without its own 1 kg."""
+    led = """<mimic joint="lead"/></joint><link name="bare"/><joint name="lead" type="continuous">
+<parent link="base"/><child link="bare"/><axis xyz="0 1 0"/></joint>"""
+    text = SHAPED.format("", 1).replace("</joint>", led, 1)
+    diagnosis = diagnose_robot(robot_task(tmp_path, "r.urdf", text, "pybullet"), is_reference=True)
+    assert [str(cause) for cause in diagnosis.explanations[0].causes][:1] == ["mass of bare"]
+
+
 @pytest.mark.parametrize(
     ("extension", "axis", "engine", "causes"),
     [

@@ -1,6 +1,8 @@
 """Physical quantities computed from a URDF's numbers match PyBullet's motion."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +53,29 @@ def test_coupled_rows_are_solved_in_few_sweeps(monkeypatch: pytest.MonkeyPatch) 
     assert np.all(lacks[p == low] <= 0)
     assert 0 < np.count_nonzero((p == low) | (p == high)) < n
     assert np.max(change) < 1e-9
+
+
+def test_impulses_of_a_flat_foot_remain_the_engines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catch impulses that change where they solve the rows: velocities depend on them."""
+    free, weights = np.array([1, 0.3, -0.1, 0.02, 0.01, 2]), np.array([1, 1, 1, 0.3, 0.4, 0.5])
+
+    def solved(starts: Sequence[float], first: int) -> list[float]:
+        """Return the impulses at the corners of a box that slides and spins."""
+        monkeypatch.setattr(impulses, "FIRST_SOLUTION", first)
+        rows = impulses.ImpulseRows()
+        for i, (x, y) in enumerate(product((1, -1), (0.7, -0.7))):
+            jacobian = np.hstack([np.eye(3), np.cross(np.eye(3), [x, y, -0.5]).T])
+            for along, start in zip((2, 0, 1), starts[3 * i :], strict=False):
+                rows.add(jacobian[along], 0.0, (0.0, 1e9), guess=start)
+            rows.cones.append(impulses.FrictionCone(3 * i, (3 * i + 1, 3 * i + 2), 0.2))
+        whole = np.array(rows.jacobian)
+        solver = impulses._Sweeps(rows, whole / weights @ whole.T, whole @ free)
+        solver.run([0, 3, 6, 9], rows.cones)
+        return list(solver.impulses)
+
+    for starts in np.random.default_rng(1).uniform(0, 0.05, (3, 12)).tolist():
+        by_sweeps = solved(starts, 10**9)
+        assert solved(by_sweeps, 1) == pytest.approx(by_sweeps, abs=1e-12)
 
 
 def test_friction_and_restitution_are_products(tmp_path: Path) -> None:

@@ -313,12 +313,22 @@ def test_agreement_on_compiled_inertias_has_a_reservation(tmp_path: Path) -> Non
     assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
 
 
-def test_attribute_of_an_older_format_leaves_the_verdicts_of_other_engines(tmp_path: Path) -> None:
-    old = MESHED.replace("<worldbody>", '<option apirate="9"/><worldbody>')
-    prepared = prepare_tree(written(tmp_path, "old.xml", old.replace("<geom", "<geom kind='x'")))
+@pytest.mark.parametrize(("changes", "reason"), [
+    ({"<worldbody>": '<option apirate="9"/><worldbody>', "<geom": "<geom kind='x'"},
+     "unrecognized attribute: 'apirate'"),
+    ({"</mujoco>": '<sensor><touch site="s"/></sensor></mujoco>'}, "unrecognized name 's' of sens"),
+    ({"</mujoco>": '<keyframe><key qpos="0 1"/></keyframe></mujoco>'}, "invalid qpos size"),
+])  # fmt: skip
+def test_part_that_only_mujoco_refuses_leaves_the_verdicts_of_other_engines(
+    tmp_path: Path, changes: dict[str, str], reason: str
+) -> None:
+    text = MESHED
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    prepared = prepare_tree(written(tmp_path, "old.xml", text))
     cases = {name: run_case(model_task(prepared, name)) for name in ("mujoco", "pinocchio")}
     assert [one.outcome for one in cases.values()] == [Outcome.REFUSED, Outcome.AGREES]
-    assert "unrecognized attribute: 'apirate'" in cases["mujoco"].reason
+    assert reason in cases["mujoco"].reason
 
 
 def test_problem_in_an_included_file_is_located_in_that_file(

@@ -154,7 +154,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
             meshes = mesh_files(tree)
             without_idle_files(tree)
             shapes = files_of_shapes(tree)
-            m: Any = tree.compile()
+            m: Any = _compiled(tree, unread)
     except Exception as error:
         raise load_error(error, path, xml_sources) from None
     try:
@@ -393,6 +393,17 @@ def _spec(path: Path, texts: Mapping[Path, bytes]) -> tuple[Any, Counter[str]]:
         changed = {one: stated.subn(rb"\1", text) for one, text in texts.items()}
         texts = {one: text for one, (text, _) in changed.items()}
         unread[what] = sum(count for _, count in changed.values())
+
+
+def _compiled(tree: Any, unread: Counter[str]) -> Any:
+    """Compile a file, without sensors and keyframes if MuJoCo refuses it with them."""
+    try:
+        return tree.compile()
+    except ValueError:
+        for part in (*tree.sensors, *tree.keys):
+            unread["sensors or keyframes, which MuJoCo refuses"] += 1
+            tree.delete(part)
+        return tree.compile()
 
 
 def _parsed(path: Path, texts: Mapping[Path, bytes]) -> Any:

@@ -78,19 +78,20 @@ def check_inertias(path: str, body: int, robot: XmlElement | None) -> None:
     """
     import pybullet as p
 
-    stated = set() if robot is None else {e.get("name") for e in robot if _has_moments(e)}
-    zeroed = []
-    for index in range(p.getNumJoints(body)):
-        inertia, name = p.getDynamicsInfo(body, index)[2], _link(body, index)
-        # Also for a link behind a fixed joint, and one without mass, such as a rotor.
-        if name in stated and not any(inertia):
-            zeroed.append(repr(name))
-    if zeroed:
-        links, whose = ("link", "its") if len(zeroed) == 1 else ("links", "their")
-        raise EngineError(
-            f"{path}: PyBullet sets the inertia of {links} {shortened(zeroed)} to "
-            f"zero; {whose} principal moments of inertia violate the triangle "
-            "inequality (each must be at most the sum of the other two)"
+    stated = {} if robot is None else {e.get("name"): e for e in robot if _has_moments(e)}
+    # Also for a link behind a fixed joint, and one without mass, such as a rotor.
+    links = (
+        _link(body, i)
+        for i in range(p.getNumJoints(body))
+        if not any(p.getDynamicsInfo(body, i)[2])
+    )
+    if zeroed := [name for name in links if name in stated]:
+        names, whose = shortened(list(map(repr, zeroed))), "their" if len(zeroed) > 1 else "its"
+        raise refused(
+            stated[zeroed[0]],
+            f"PyBullet sets the inertia of link{'s' * (len(zeroed) > 1)} {names} to zero; {whose} "
+            "principal moments of inertia violate the triangle inequality (each must be at most "
+            "the sum of the other two)",
         )
     _check_moved(path, body)
 
