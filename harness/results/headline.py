@@ -189,6 +189,9 @@ def difference(case: Case) -> str:
         return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
     if _is_motion(verdict):
         return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
+    if verdict.discrepancy == verdict.map_residual and case.folder.endswith(case.model):
+        joint = verdict.component.removesuffix("_dot")
+        return f"{joint} leaves its coupling by up to {percent(verdict.discrepancy)}"
     if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:
         component = dynamics.component.removesuffix("_ddot")
         return f"acceleration of {component} off by up to {percent(dynamics.discrepancy)}"

@@ -126,8 +126,12 @@ def test_idyntree_drops_inertia_of_massless_links_unless_set(tmp_path: Path) -> 
         model = load("idyntree", text, tmp_path, settings=settings)
         _, w = model.rollout(rest, rest, H, 100, push, 100)
         assert w[0, 0, 0] == pytest.approx(0.1 * 100 * H / inertia, rel=1e-9)
-        remedy = [] if settings else [{"massless_links": True}]
-        assert list(model.corrective_settings.values()) == remedy
+        names = [
+            one for one in model.corrective_settings if "a link without mass (tip, line" in one
+        ]
+        assert [model.corrective_settings[one] for one in names] == (
+            [] if settings else [{"massless_links": True}]
+        )
         assert "link:tip" in model.places
         assert ("centre:tip" in model.places) is bool(settings)
 
