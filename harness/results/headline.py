@@ -111,6 +111,8 @@ def _followers(results: Results, problems: Sequence[str]) -> list[str]:
     alike = [case for case in results.cases if case.outcome is Outcome.AGREES]
     engines_amiss = {case.engine for case in results.cases if not case.passes}
     alike = [case for case in alike if case.engine not in engines_amiss]
+    if problems:  # to less than a digit follows nothing
+        alike = [case for case in alike if case.digits is None or case.digits >= 1]
     if not alike:
         return []
     verb = "follows" if len({case.engine for case in alike}) == 1 else "follow"
