@@ -99,7 +99,7 @@ def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -
 
 
 def _behaviours(run: FollowersRun) -> tuple[AuditFinding, ...]:
-    """Return what the engine says about constraints of the file that it treats differently."""
+    """Return the constraints of the file that the engine treats differently, with lines."""
     rest = np.zeros((1, len(run.way.model.coordinates)))
     return tuple(
         finding(one.kind, (one.message,), one.message, location=place_of(run.task.file, one))

@@ -84,7 +84,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "turned_inertials": "Respect the rotation of `<inertial><pose>`",
     "automatic_inertials": "Compute inertials with `auto=\"true\"` from the shapes",
     "default_moments": "Use the format's 1 kg m^2 for a missing `<inertia>`",
-    "corrected_inertias": "Let Newton enlarge small moments of inertia",
+    "corrected_inertias": "Let Newton enlarge small moments, and drop those without mass",
     "collapse_fixed_joints": "Merge welded links as Newton does, with wrong inertias",
     "articulations": "Put joints of a USD stage without articulation root into one",
     "massless_links": "Keep the moments of links without mass",

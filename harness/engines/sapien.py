@@ -181,9 +181,9 @@ class SapienModel(UrdfModel):
     def _acts(self) -> dict[str, str]:
         """SAPIEN's own effects that the settings leave active: setting -> cause."""
         on = {key: cause for key, (_, cause) in SAPIEN_EFFECTS.items() if self.settings[key]}
-        own = on.pop("dropped_inertials", "")
-        if own and self._dropped:
-            on["dropped_inertials"] = bare_cause(self._dropped, own, "without mass or moments")
+        cause = on.pop("dropped_inertials", "")
+        if cause and self._dropped:
+            on["dropped_inertials"] = bare_cause(self._dropped, cause, "without mass or moments")
         return on
 
     @property

@@ -164,7 +164,7 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def unexplained_findings(self) -> tuple[AuditFinding, ...]:
-        """What the engine does with constraints, and audit findings, if no cause explains.
+        """Behaviours of the engine and audit findings, if no cause explains the motions.
 
         A diagnosis tries at most two wrong numbers together. With more, the cause with the smallest
         residual is wrong, and audit findings are more reliable.

@@ -59,6 +59,9 @@ def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path
     page = (site / f"engines/{differing['engine']}.html").read_text()
     assert differing["sentence"] in html.unescape(page)
     assert "arm.urdf" in (site / "formats.html").read_text()
+    assert (site / "robots/arm.xml/compare.html").is_file()  # the comparison as a page
+    refuted = [cell for cell in cells if cell["outcome"] in ("DIFFERS", "REFUSED")]
+    assert all(cell["line"] for cell in refuted), refuted
 
     # An unchanged robot is not run again, and a changed cell is named.
     before = (tmp_path / "store/pendulum.urdf/results.json").stat().st_mtime_ns
@@ -67,6 +70,18 @@ def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path
     main(gallery)
     assert (tmp_path / "store/pendulum.urdf/results.json").stat().st_mtime_ns == before
     assert f"{cells[0]['robot']} in" in (site / "changes.txt").read_text()
+
+    # A changed robot gets a new picture, the others keep theirs; stored texts become pages.
+    pictures = [site / f"robots/{name}/picture.png" for name in ("pendulum.urdf", "door.urdf")]
+    for picture in pictures:
+        picture.write_bytes(b"old")
+    results = tmp_path / "store/pendulum.urdf/results.json"
+    results.write_bytes(results.read_bytes() + b"\n")
+    (tmp_path / "store/versions").mkdir()
+    (tmp_path / "store/versions/mujoco.txt").write_text("$ crosscheck versions door.urdf\n")
+    main([*gallery, "--pages-only"])
+    assert [one.exists() and one.read_bytes() == b"old" for one in pictures] == [False, True]
+    assert "crosscheck versions door.urdf" in (site / "versions.html").read_text()
 
 
 def test_every_robot_has_a_commit_and_a_licence() -> None:
