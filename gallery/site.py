@@ -36,6 +36,10 @@ COMPARISON, VERSIONS = "compare.txt", "versions"
 those that compare versions of an engine."""
 
 
+FAULTS = (Outcome.DIFFERS, Outcome.REFUSED)
+"""Outcomes that a line of the file explains; others are limits of a run."""
+
+
 class Done(Record, frozen=True, kw_only=True):
     """A finished run of a file.
 
@@ -71,7 +75,7 @@ class Cell(Record, frozen=True, kw_only=True):
     file: str
     engine: str
     version: str
-    line: int | None
+    line: int | None = None
     outcome: Outcome
     text: str
     sentence: str
@@ -146,7 +150,7 @@ class Entry(Record, frozen=True, kw_only=True):
             file=self.file.address,
             engine=engine,
             version=self.done.versions.get(engine) or "",
-            line=None if outcome is Outcome.AGREES else self._line(mine, sentence),
+            line=self._line(mine, sentence) if outcome in FAULTS else None,
             outcome=outcome,
             text=text,
             sentence=sentence,
@@ -159,11 +163,12 @@ class Entry(Record, frozen=True, kw_only=True):
     def _line(self, results: Results, sentence: str) -> int | None:
         """Return the line of a cause in one engine, or of a name in a sentence, if any."""
         causes = [
-            one
+            one.line
             for model in results.models
             if model.diagnosis is not None and model.diagnosis.explained
             for cause in model.diagnosis.explanations[0].causes
             for one in cause.locations
+            if one.line is not None
         ]
         findings = [
             one.location
@@ -171,9 +176,10 @@ class Entry(Record, frozen=True, kw_only=True):
             for one in (*model.unexplained_findings, *model.findings)
         ]
         stated = re.findall(r"(?:line |\.\w+:)(\d+)", sentence)
-        places = (*causes, *findings, *(one for case in results.cases for one in case.locations))
-        lines = [one.line for one in places if one is not None and one.line is not None]
-        return next(iter((*lines, *map(int, stated), *self._named(sentence))), None)
+        causes += map(int, stated)
+        causes += (one.line for one in findings if one is not None and one.line is not None)
+        causes += (one.line for case in results.cases for one in case.locations if one.line)
+        return next(iter((*causes, *self._named(sentence))), None)
 
     def _named(self, sentence: str) -> Iterator[int]:
         """Yield the lines of names in a sentence, then of the file's faults, then of elements."""
