@@ -294,7 +294,10 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
             (target / PICTURE).unlink(missing_ok=True)  # of the robot before
         shutil.copytree(source, target, dirs_exist_ok=True)
     folders = [site / "robots" / entry.file.slug for entry in entries]
-    write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
+    try:
+        write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
+    except (OSError, AssertionError) as error:  # a busy machine; the next call draws the others
+        print(f"pictures are missing: {error}", flush=True)
     found, known = messages(entries), codes()
     by_engine: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for code, sentences in found.items():
