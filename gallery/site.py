@@ -322,9 +322,7 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
         for entry in entries
         if (path := store / entry.file.slug / COMPARISON).exists()
     }
-    write(
-        "formats.html", "texts.html", "Formats of one robot, compared", texts=texts, page="robots"
-    )
+    write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts, robots=True)
     texts = {one.stem: one.read_text("utf-8") for one in sorted((store / VERSIONS).glob("*.txt"))}
     write("versions.html", "texts.html", "Versions of one engine, compared", texts=texts)
     write("objections.html", "objections.html", "How to object, and how to add a robot",
