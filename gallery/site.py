@@ -228,7 +228,7 @@ def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[t
     """Return by code: each sentence with its place, and the engines and files that have it."""
     found: dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]] = {}
     for entry in entries:
-        for code, engine, sentence, place in _messages(entry.results):
+        for code, engine, sentence, place in _messages(entry):
             by_sentence = found.setdefault(code, {})
             by_sentence.setdefault((sentence, f"{entry.file.slug}{place}"), []).append(
                 (engine, entry)
@@ -236,13 +236,19 @@ def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[t
     return dict(sorted(found.items()))
 
 
-def _messages(results: Results) -> Iterator[tuple[str, str, str, str]]:
-    """Yield code, engine, sentence and line of findings, causes and cases that don't agree."""
+def _messages(entry: Entry) -> Iterator[tuple[str, str, str, str]]:
+    """Yield code, engine, sentence and line of findings, causes and cases that don't agree.
+
+    Advice and faults of the file belong to the file, not to the engines that load it.
+    """
+    results, faults = entry.results, entry.faults
     for model in results.models:
         for finding in model.audit or ():
             if finding.code and finding.severity != "note":
                 line = finding.location.line if finding.location else None
-                yield finding.code, model.engine, finding.message, f":{line}" if line else ""
+                of_file = finding.severity == "advice" or finding.message in faults
+                owner = "the file" if of_file else model.engine
+                yield finding.code, owner, finding.message, f":{line}" if line else ""
         best = model.diagnosis.explanations[:1] if model.diagnosis else ()
         for cause in (one for explanation in best for one in explanation.causes):
             line = cause.locations[0].line if cause.locations else None
