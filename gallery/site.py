@@ -330,7 +330,9 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
     }
     write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts, robots=True)
     texts = {one.stem: one.read_text("utf-8") for one in sorted((store / VERSIONS).glob("*.txt"))}
-    write("versions.html", "texts.html", "Versions of one engine, compared", texts=texts)
+    write(
+        "versions.html", "texts.html", "Versions of one engine, compared", texts=texts, robots=False
+    )
     write("objections.html", "objections.html", "How to object, and how to add a robot",
           entries=entries)  # fmt: skip
     _write_cells(site, cells)
