@@ -105,8 +105,9 @@ def ask(engine: str, text: str, q: dict[str, float]) -> Any:
         file.write_text(text)
         command = [sys.executable, "-c", PRELUDE + ASK[engine], str(file), json.dumps(q)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
-    answers = re.findall(r"(?m)^RESULT (.*)$", done.stdout)
-    lines = [one for one in (done.stdout + done.stderr).splitlines() if one.strip()]
+    answers = re.findall(r"(?m)RESULT (.*)$", done.stdout)
+    printed = (done.stdout + done.stderr).splitlines()
+    lines = [one for one in printed if one.strip() and not one.startswith("pybullet build")]
     return json.loads(answers[0]) if answers else (lines or ["no answer"])[-1]
 
 
