@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from physics_crosscheck.harness.baseline.fingerprint import versions
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from .robots import ROBOTS, SOURCE, RobotFile, robot_files
-from .site import COMPARISON, Done, Entry, write_site
+from .site import COMPARISON, VERSIONS, Done, Entry, write_site
 
 PROGRAM = (sys.executable, "-m", "physics_crosscheck")
 
@@ -48,14 +49,14 @@ def run(file: RobotFile, path: Path, store: Path, jobs: str) -> None:
     write_whole(out / DONE, encoded(done))
 
 
-def compare(first: Path, path: Path, clones: Path, into: Path) -> None:
-    """Compare two formats of a robot, and keep the command and what it printed."""
-    words = ["compare", *(str(one.relative_to(clones)) for one in (first, path))]
+def keep(words: Sequence[str], clones: Path, into: Path) -> None:
+    """Keep a command and what it printed, without the lines that name places of this machine."""
     made = subprocess.run(
         [*PROGRAM, *words, "--out", str(into.parent)], cwd=clones, capture_output=True, text=True,
         check=False, errors="replace",
     )  # fmt: skip
     printed = (made.stdout or made.stderr).partition("\nReport: ")[0]
+    printed = re.sub(r"(?m)^\S+==.*: its environment is made.*\n(?:  /.*\n)*", "", printed)
     write_whole(into, f"$ crosscheck {' '.join(words)}\n{printed}\n")
 
 
@@ -83,11 +84,15 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--clones", type=Path, default=Path("reports/clones"), help="model files")
     parser.add_argument("--source", default=SOURCE, help=f"address of repositories [{SOURCE}]")
     parser.add_argument("--robots", type=Path, default=ROBOTS, help="table of robots")
+    parser.add_argument(
+        "--versions", nargs="+", action="append", default=[], metavar=("ENGINE", "VERSION"),
+        help="compare these robots in versions of an engine",
+    )  # fmt: skip
     parser.add_argument("--pages-only", action="store_true", help="run nothing")
     jobs = str(os.cpu_count() or 1)
     parser.add_argument("--jobs", default=jobs, help="worker processes [one per processor]")
     options = parser.parse_args(words)
-    entries, clones = [], options.clones.resolve()
+    entries, paths, clones = [], list[str](), options.clones.resolve()
     for files in robot_files(options.name, options.robots):
         first: Path | None = None
         for file in files:
@@ -102,13 +107,18 @@ def main(words: Sequence[str] | None = None) -> None:
                     shutil.rmtree(folder, ignore_errors=True)
                     run(file, path, folder.parent, options.jobs)
                 if first is not None and not (folder / COMPARISON).exists():
-                    compare(first, path, clones, folder / COMPARISON)
+                    both = (str(one.relative_to(clones)) for one in (first, path))
+                    keep(["compare", *both], clones, folder / COMPARISON)
                 first = first or path
+                paths.append(str(path.relative_to(clones)))
                 print(f"{file.slug}: {time.perf_counter() - began:.0f} s", flush=True)
             done = kept(file, options.store)
             if done is not None:
                 results = read_results(options.store / file.slug / "results.json")
                 entries.append(Entry(file=file, done=done, results=results))
+    for engine, *releases in options.versions if paths else ():
+        into = options.store.resolve() / VERSIONS / f"{engine}.txt"
+        keep(["versions", *paths, "--engine", engine, *releases], clones, into)
     write_site(options.site, options.store, entries)
     print(options.site / "index.html")
 

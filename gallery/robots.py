@@ -62,20 +62,18 @@ class RobotFile:
 
         Raises:
             subprocess.CalledProcessError: if the commit can't be fetched.
-            FileNotFoundError: if it has no such file.
+            FileNotFoundError: if the checkout has no such file.
         """
         folder = clones / self.owner / self.repository
         if not folder.exists():
             _git(folder.parent, "init", "--quiet", folder.name)
             _git(folder, "remote", "add", "origin", self.source(pattern))
-            _git(folder, "sparse-checkout", "init", "--cone")
         if _git(folder, "cat-file", "-e", self.commit, check=False):
             _git(folder, "fetch", "--depth", "1", "--filter=blob:none", "origin", self.commit)
         place = Path(*Path(self.path).parts[:-1][:2])  # with meshes and included files
-        _git(folder, "sparse-checkout", "add", str(place), check=False)
-        _git(folder, "checkout", "--quiet", self.commit, check=False)
+        _git(folder, "checkout", "--quiet", self.commit, "--", str(place), check=False)
         if not (folder / self.path).is_file():
-            raise FileNotFoundError(f"{self.address}: the repository has no such file")
+            raise FileNotFoundError(f"{self.address}: the checkout has no such file")
         return folder / self.path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import io
+import re
 import shutil
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,18 +18,26 @@ import msgspec
 from campaigns.report_pictures import write_pictures
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.codes import codes
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.render.html import environment, template
 from physics_crosscheck.harness.render.terminal.models_table import engine_cells
 from physics_crosscheck.harness.results.headline import engine_title, headline
+from physics_crosscheck.harness.results.status import counted
 from .robots import RobotFile
 
 PAGES = Path(__file__).with_name("pages")
 PICTURE, RESULTS = "picture.png", "results.json"
-COMPARISON = "compare.txt"
-"""A command that compares the file with the robot's first one, and what it printed."""
+COMPARISON, VERSIONS = "compare.txt", "versions"
+"""A command that compares the file with the robot's first one, and what it printed; the folder of
+those that compare versions of an engine."""
+
+
+FAULTS = (Outcome.DIFFERS, Outcome.REFUSED)
+"""Outcomes that a line of the file explains; others are limits of a run."""
 
 
 class Done(Record, frozen=True, kw_only=True):
@@ -51,6 +60,7 @@ class Cell(Record, frozen=True, kw_only=True):
     Attributes:
         robot, kind, file: title and kind of the robot, and address of its file with the commit.
         engine, version: name and version of the engine.
+        line: of the file, where the cause is; None for the whole file.
         outcome: see `Outcome`.
         text: digits to which the engine follows the file, or what goes wrong.
         sentence: fault, place and effect, or the digits.
@@ -65,6 +75,7 @@ class Cell(Record, frozen=True, kw_only=True):
     file: str
     engine: str
     version: str
+    line: int | None = None
     outcome: Outcome
     text: str
     sentence: str
@@ -93,22 +104,45 @@ class Entry(Record, frozen=True, kw_only=True):
         return f"robots/{self.file.slug}/index.html"
 
     @property
-    def cells(self) -> dict[str, Cell]:
-        """The file in each engine that reads its format."""
-        rows = engine_cells(self.results)
+    def faults(self) -> dict[str, AuditFinding]:
+        """Findings on the file itself by their messages: those that no engine's behaviour adds."""
+        models = self.results.models
         return {
-            engine: self._cell(engine, outcome, text)
+            one.message: one
+            for model in models
+            for one in model.findings
+            if all(one in other.findings for other in models if other.audit is not None)
+            and engine_title(model.engine) not in one.message
+        }
+
+    @property
+    def cells(self) -> dict[str, Cell]:
+        """The file in each engine that reads its format; faults of the file itself aside."""
+        models = tuple(map(self._without_faults, self.results.models))
+        results = msgspec.structs.replace(self.results, models=models)
+        rows = engine_cells(results)
+        return {
+            engine: self._cell(results, engine, outcome, text)
             for row in rows.values()
             for engine, (outcome, text) in row.items()
             if outcome is not Outcome.ABSENT
         }
 
-    def _cell(self, engine: str, outcome: Outcome, text: str) -> Cell:
+    def _without_faults(self, model: Model) -> Model:
+        """Remove the faults of the file, unless a cause in the engine names them."""
+        if model.diagnosis is not None and model.diagnosis.explained:
+            return model
+        audit = tuple(one for one in model.audit or () if one.message not in self.faults)
+        return msgspec.structs.replace(model, audit=audit)
+
+    def _cell(self, results: Results, engine: str, outcome: Outcome, text: str) -> Cell:
         mine = msgspec.structs.replace(
-            self.results,
-            cases=tuple(one for one in self.results.cases if one.engine == engine),
-            models=tuple(one for one in self.results.models if one.engine == engine),
+            results,
+            cases=tuple(one for one in results.cases if one.engine == engine),
+            models=tuple(one for one in results.models if one.engine == engine),
         )
+        path = re.escape(self.file.path)
+        sentence = re.sub(rf"^{path}(:\d+)?: ", "", _sentence(mine, outcome))
         verdicts = [one.verdict for one in mine.cases if one.verdict is not None]
         return Cell(
             robot=self.file.robot,
@@ -116,14 +150,53 @@ class Entry(Record, frozen=True, kw_only=True):
             file=self.file.address,
             engine=engine,
             version=self.done.versions.get(engine) or "",
+            line=self._line(mine, sentence) if outcome in FAULTS else None,
             outcome=outcome,
             text=text,
-            sentence=_sentence(mine, outcome),
+            sentence=sentence,
             bound=max((one.uncertainty or 0.0 for one in verdicts), default=None),
             date=self.results.created,
             command=self.done.command,
             page=self.page,
         )
+
+    def _line(self, results: Results, sentence: str) -> int | None:
+        """Return the line of a cause in one engine, or of a name in a sentence, if any."""
+        causes = [
+            one.line
+            for model in results.models
+            if model.diagnosis is not None and model.diagnosis.explained
+            for cause in model.diagnosis.explanations[0].causes
+            for one in cause.locations
+            if one.line is not None
+        ]
+        findings = [
+            one.location
+            for model in results.models
+            for one in (*model.unexplained_findings, *model.findings)
+        ]
+        stated = re.findall(r"(?:line |\.\w+:)(\d+)", sentence)
+        causes += map(int, stated)
+        causes += (one.line for one in findings if one is not None and one.line is not None)
+        causes += (one.line for case in results.cases for one in case.locations if one.line)
+        return next(iter((*causes, *self._named(sentence))), None)
+
+    def _named(self, sentence: str) -> Iterator[int]:
+        """Yield the lines of names in a sentence, then of the file's faults, then of elements."""
+        text = next((one.text for one in self.results.models if one.text), "")
+        words = re.findall(
+            r"'([^']+)'|([\w-]{3,})", sentence.replace(Path(self.file.path).name, "")
+        )
+        names = [re.escape(quoted or plain) for quoted, plain in words]
+        for pattern in (r"name=[\"']{}[\"']", r"<{}?[\s>]"):
+            for name in names:
+                if place := re.search(pattern.format(name), text):
+                    yield text.count("\n", 0, place.start()) + 1
+            yield from (
+                one.location.line
+                for one in self.faults.values()
+                if one.location is not None and one.location.line is not None
+            )
 
 
 def _sentence(results: Results, outcome: Outcome) -> str:
@@ -134,20 +207,28 @@ def _sentence(results: Results, outcome: Outcome) -> str:
     return refused[0]
 
 
-def wrong(cells: Mapping[str, Cell]) -> dict[str, str]:
-    """Return what goes wrong with a file: each sentence, and the titles of its engines."""
-    names: dict[str, list[str]] = {}
+def wrong(entry: Entry, cells: Mapping[str, Cell]) -> dict[tuple[str, int | None], str]:
+    """Return what goes wrong with a file: each sentence with its line, and whose fault it is."""
+    names: dict[tuple[str, int | None], list[str]] = {}
+    by_code: dict[str, list[AuditFinding]] = {}
+    for fault in entry.faults.values():
+        by_code.setdefault(fault.code, []).append(fault)
+    for first, *others in by_code.values():
+        line = None if first.location is None else first.location.line
+        more = f" (and {len(others)} more like it)" if others else ""
+        names[first.message + more, line] = ["the file"]
     for cell in cells.values():
         if cell.outcome is not Outcome.AGREES:
-            names.setdefault(cell.sentence, []).append(engine_title(cell.engine))
-    return {sentence: ", ".join(one) for sentence, one in names.items()}
+            title = "every engine" if cell.engine == "-" else engine_title(cell.engine)
+            names.setdefault((cell.sentence, cell.line), []).append(title)
+    return {key: ", ".join(one) for key, one in names.items()}
 
 
 def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]]:
     """Return by code: each sentence with its place, and the engines and files that have it."""
     found: dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]] = {}
     for entry in entries:
-        for code, engine, sentence, place in _messages(entry.results):
+        for code, engine, sentence, place in _messages(entry):
             by_sentence = found.setdefault(code, {})
             by_sentence.setdefault((sentence, f"{entry.file.slug}{place}"), []).append(
                 (engine, entry)
@@ -155,13 +236,19 @@ def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[t
     return dict(sorted(found.items()))
 
 
-def _messages(results: Results) -> Iterator[tuple[str, str, str, str]]:
-    """Yield code, engine, sentence and line of findings, causes and cases that don't agree."""
+def _messages(entry: Entry) -> Iterator[tuple[str, str, str, str]]:
+    """Yield code, engine, sentence and line of findings, causes and cases that don't agree.
+
+    Advice and faults of the file belong to the file, not to the engines that load it.
+    """
+    results, faults = entry.results, entry.faults
     for model in results.models:
         for finding in model.audit or ():
             if finding.code and finding.severity != "note":
                 line = finding.location.line if finding.location else None
-                yield finding.code, model.engine, finding.message, f":{line}" if line else ""
+                of_file = finding.severity == "advice" or finding.message in faults
+                owner = "the file" if of_file else model.engine
+                yield finding.code, owner, finding.message, f":{line}" if line else ""
         best = model.diagnosis.explanations[:1] if model.diagnosis else ()
         for cause in (one for explanation in best for one in explanation.causes):
             line = cause.locations[0].line if cause.locations else None
@@ -213,7 +300,10 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
             (target / PICTURE).unlink(missing_ok=True)  # of the robot before
         shutil.copytree(source, target, dirs_exist_ok=True)
     folders = [site / "robots" / entry.file.slug for entry in entries]
-    write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
+    try:
+        write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
+    except (OSError, AssertionError) as error:  # a busy machine; the next call draws the others
+        print(f"pictures are missing: {error}", flush=True)
     found, known = messages(entries), codes()
     by_engine: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for code, sentences in found.items():
@@ -232,13 +322,17 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
     pictures = {entry.file.slug: _inlined(site / "robots" / entry.file.slug) for entry in entries}
     write("index.html", "matrix.html", title, rows=rows, names=names, pictures=pictures,
           codes={code: len(one) for code, one in found.items()}, messages=known,
-          wrong=wrong)  # fmt: skip
+          wrong=wrong, counted=counted)  # fmt: skip
     texts = {
         entry.file.slug: path.read_text("utf-8")
         for entry in entries
         if (path := store / entry.file.slug / COMPARISON).exists()
     }
-    write("formats.html", "formats.html", "Formats of one robot, compared", texts=texts)
+    write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts, robots=True)
+    texts = {one.stem: one.read_text("utf-8") for one in sorted((store / VERSIONS).glob("*.txt"))}
+    write(
+        "versions.html", "texts.html", "Versions of one engine, compared", texts=texts, robots=False
+    )
     write("objections.html", "objections.html", "How to object, and how to add a robot",
           entries=entries)  # fmt: skip
     _write_cells(site, cells)

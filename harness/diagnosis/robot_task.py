@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.checks.findings import place_of
+from physics_crosscheck.harness.checks.findings import finding, place_of
 from physics_crosscheck.harness.checks.scene import (
     compiled_inertias,
     inertia_difference,
@@ -22,7 +22,7 @@ from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
-from physics_crosscheck.harness.records.finding import CLOSE, Diagnosis, Explanation
+from physics_crosscheck.harness.records.finding import CLOSE, AuditFinding, Diagnosis, Explanation
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
@@ -92,7 +92,20 @@ def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -
         return Diagnosis(failure="no motion differs beyond its uncertainty")
     if explanations:
         return Diagnosis(explained=True, explanations=explanations, floor=number(0.0))
-    return _diagnosis(ranking, task)
+    diagnosis, behaviours = _diagnosis(ranking, task), _behaviours(run)
+    if diagnosis.explained and (not is_reference or ranking.fits[0].is_read or not behaviours):
+        return diagnosis
+    return structs.replace(diagnosis, explained=False, behaviours=behaviours)
+
+
+def _behaviours(run: FollowersRun) -> tuple[AuditFinding, ...]:
+    """Return the constraints of the file that the engine treats differently, with lines."""
+    rest = np.zeros((1, len(run.way.model.coordinates)))
+    return tuple(
+        finding(one.kind, (one.message,), one.message, location=place_of(run.task.file, one))
+        for one in run.way.model.remarks(rest, rest)
+        if one.fault and one.kind == "constraint"
+    )
 
 
 def _diagnosis(ranking: Ranking, task: TreeTask) -> Diagnosis:

@@ -27,7 +27,7 @@ from physics_crosscheck.harness.engines.stepped_here import (
 )
 from physics_crosscheck.harness.engines.tree_model import constrained_accelerations, leader_matrix
 from physics_crosscheck.harness.engines.urdf import UrdfReader
-from physics_crosscheck.harness.engines.urdf_copy import with_masses, without_shapes
+from physics_crosscheck.harness.engines.urdf_copy import bare_cause, with_masses, without_shapes
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
@@ -37,7 +37,6 @@ from physics_crosscheck.reference.mechanism.rotations import (
 )
 
 MIMICS = "iDynTree's leaving out of <mimic>"
-MASSLESS = "iDynTree's taking of links without mass for frames"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ADDED_HERE,
@@ -182,10 +181,13 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         lost: dict[str, Mapping[str, object]] = {}
         if self.mimics and self._along is None:
             lost[MIMICS] = {"hold_mimics": True}
-        if any(
-            moment for link, moment in self.declared.moments.items() if link not in self._centres
-        ):
-            lost[MASSLESS] = {"massless_links": True}
+        moments, names = self.declared.moments, self._centres
+        links = self.declared.robot.findall("link")
+        if frames := [
+            one for one in links if moments.get(one.get("name")) and one.get("name") not in names
+        ]:
+            cause = bare_cause(frames, "iDynTree's removal", "without mass")
+            lost[cause] = {"massless_links": True}
         return {**self.undamped, **lost}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:

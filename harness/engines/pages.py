@@ -84,7 +84,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "turned_inertials": "Respect the rotation of `<inertial><pose>`",
     "automatic_inertials": "Compute inertials with `auto=\"true\"` from the shapes",
     "default_moments": "Use the format's 1 kg m^2 for a missing `<inertia>`",
-    "corrected_inertias": "Let Newton enlarge small moments of inertia",
+    "corrected_inertias": "Let Newton enlarge small moments, and drop those without mass",
     "collapse_fixed_joints": "Merge welded links as Newton does, with wrong inertias",
     "articulations": "Put joints of a USD stage without articulation root into one",
     "massless_links": "Keep the moments of links without mass",
@@ -92,7 +92,7 @@ HELP: Mapping[str, str] = MappingProxyType({
     "bounded_speeds": "Limit the speeds of links and joints as the engine does",
     "angular_damping": "Angular damping of every link, 1/s, unless the file states it",
     "root_as_stated": "Free a fixed base whose body has the articulation root, as PhysX does",
-    "dropped_inertials": "Drop inertials without mass or moments as SAPIEN does",
+    "dropped_inertials": "Give links without mass or moments the inertia of SAPIEN",
     "solver": "Solver: PGS or TGS",
     "collision_slop": "Overlap of shapes that is not corrected, m (`Space.collision_slop`)",
 })  # fmt: skip

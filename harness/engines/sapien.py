@@ -30,7 +30,12 @@ from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
 from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
 from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
-from physics_crosscheck.harness.engines.urdf_copy import Change, temporary_urdf, without_visuals
+from physics_crosscheck.harness.engines.urdf_copy import (
+    Change,
+    bare_cause,
+    temporary_urdf,
+    without_visuals,
+)
 from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 from physics_crosscheck.reference.mechanism.rotations import (
@@ -45,7 +50,7 @@ SAPIEN_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "link_damping": (0.05, "SAPIEN's damping of links"),
     "joint_friction": (0.05, "SAPIEN's friction of joints"),
     "bounded_speeds": (True, "SAPIEN's bounds of speeds"),
-    "dropped_inertials": (True, "SAPIEN's dropping of inertials without mass or moments"),
+    "dropped_inertials": (True, "SAPIEN's own inertia"),
 })  # fmt: skip
 """SAPIEN's own value of each setting, and the cause that a diagnosis reports."""
 
@@ -62,7 +67,8 @@ DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
     "joint_friction": 0.0,
     # Whether speeds are limited to 10 m/s and 50 rad/s for a link, and to 100 for a joint.
     "bounded_speeds": False,
-    # Whether an inertial without mass or without moments is ignored (SAPIEN's behaviour).
+    # Whether a link without mass or without moments has SAPIEN's: of its shapes, or 1e-6 kg, and at
+    # least 1e-6 kg m^2.
     "dropped_inertials": True,
     # The PhysX solver; SAPIEN's default is "TGS", which divides a step into ten.
     "solver": "PGS",
@@ -129,7 +135,7 @@ class SapienModel(UrdfModel):
         loader.fix_root_link = not self.floats
         with temporary_urdf(self.declared.robot, spec.path, self.declared.changes) as path:
             self._body = loader.load(str(path))
-        self._dropped = [link.get("name", "") for link in _lost(self.declared.robot)]
+        self._dropped = _lost(self.declared.robot, self.floats)
         self._links = {link.name: link for link in self._body.links}
         self._disable_effects()
         joints = self._body.active_joints
@@ -175,8 +181,9 @@ class SapienModel(UrdfModel):
     def _acts(self) -> dict[str, str]:
         """SAPIEN's own effects that the settings leave active: setting -> cause."""
         on = {key: cause for key, (_, cause) in SAPIEN_EFFECTS.items() if self.settings[key]}
-        if not self._dropped:
-            on.pop("dropped_inertials", None)
+        cause = on.pop("dropped_inertials", "")
+        if cause and self._dropped:
+            on["dropped_inertials"] = bare_cause(self._dropped, cause, "without mass or moments")
         return on
 
     @property
@@ -188,10 +195,9 @@ class SapienModel(UrdfModel):
         """Yield ignored parts of the file, active effects, and mimic joints that are springs."""
         yield from super().remarks(z, w)
         for key, cause in self._acts.items():
-            named = f" ({', '.join(self._dropped)})" if key == "dropped_inertials" else ""
             yield Remark(
                 kind="setting",
-                message=f"{cause}{named}",
+                message=cause,
                 address=f"sidecar:settings.{key}",
                 shows_in=SHOWS.get(key, ("damping",)),
             )
@@ -291,7 +297,8 @@ def _changes(spec: ModelSpec) -> tuple[Change, ...]:
     """Return the changes to the file before SAPIEN reads it."""
     free = bool(spec.settings.get("smooth"))
     keeps = not spec.settings.get("dropped_inertials", DEFAULTS["dropped_inertials"])
-    with_inertials = (_with_inertials,) if keeps else ()
+    floats = bool(spec.settings.get("floating"))
+    with_inertials = (partial(_with_inertials, floats=floats),) if keeps else ()
     return (partial(_complete, free=free), *with_inertials, _without_idle_shapes)
 
 
@@ -325,22 +332,26 @@ def _has_mass_and_moments(link: XmlElement) -> tuple[bool, bool]:
     return mass, moments
 
 
-def _lost(robot: XmlElement) -> list[XmlElement]:
-    """Return links whose inertial has only one of both: SAPIEN ignores it."""
+def _lost(robot: XmlElement, floats: bool) -> list[XmlElement]:
+    """Return the moving links without mass or moments: SAPIEN ignores their inertials."""
+    carried = {child.get("link") for child in robot.findall("joint/child")}
     return [
         link
         for link in robot.findall("link")
-        if any(_has_mass_and_moments(link)) and not all(_has_mass_and_moments(link))
+        if (floats or link.get("name") in carried) and not all(_has_mass_and_moments(link))
     ]
 
 
-def _with_inertials(robot: XmlElement) -> None:
-    """Add the missing part to inertials that SAPIEN ignores, below the visible precision."""
-    for link in _lost(robot):
+def _with_inertials(robot: XmlElement, floats: bool) -> None:
+    """Add what these links lack, below the visible precision."""
+    for link in _lost(robot, floats):
+        inertial = link.find("inertial")
+        inertial = link.add("inertial") if inertial is None else inertial
         for tag, keys in (("mass", ("value",)), ("inertia", ("ixx", "iyy", "izz"))):
-            for element in link.findall(f"inertial/{tag}"):
-                for key in keys:
-                    element.set(key, str(max(float(element.get(key, "0")), FAINT)))
+            for element in inertial.findall(tag) or [inertial.add(tag)]:
+                products = {} if tag == "mass" else dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+                least = {key: str(max(float(element.get(key, "0")), FAINT)) for key in keys}
+                element.attributes.update({**products, **element.attributes, **least})
 
 
 def _without_idle_shapes(robot: XmlElement) -> None:

@@ -55,12 +55,12 @@ def zero_missing_inertials(robot: XmlElement) -> None:
         inertial.add("inertia", moments)
 
 
-def bare_cause(links: Sequence[XmlElement], given: str) -> str:
+def bare_cause(links: Sequence[XmlElement], given: str, lacking: str = NO_INERTIAL) -> str:
     """Return the cause that a diagnosis reports; `given` is what an engine gives the links."""
     names = [f"{link.get('name', '')}, line {link.place[1]}" for link in links]
     shown = shortened(names, separator="; ")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"{given} of {count} {NO_INERTIAL} ({shown})"
+    return f"{given} of {count} {lacking} ({shown})"
 
 
 Change = Callable[[XmlElement], None]

@@ -173,12 +173,14 @@ class Diagnosis(Record, frozen=True, kw_only=True):
         explanations: Explanations, best first.
         floor: Share of the discrepancy that the uncertainty alone makes; None without explanations.
         corrected: Corrected motion; None if nothing is explained or the cause cannot be corrected.
+        behaviours: What the engine does with constraints of the file, if no number explains.
         failure: Reason if the diagnosis failed; empty otherwise.
         seconds: Duration, seconds.
     """
 
     explained: bool = False
     explanations: tuple[Explanation, ...] = ()
+    behaviours: tuple[AuditFinding, ...] = ()
     floor: Number = None
     corrected: CorrectedMotion | None = None
     failure: str = ""

@@ -164,14 +164,15 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def unexplained_findings(self) -> tuple[AuditFinding, ...]:
-        """Audit findings, if no one or two causes explain the motions.
+        """Behaviours of the engine and audit findings, if no cause explains the motions.
 
         A diagnosis tries at most two wrong numbers together. With more, the cause with the smallest
         residual is wrong, and audit findings are more reliable.
         """
         if self.diagnosis is None or self.diagnosis.explained or not self.diagnosis.explanations:
             return ()
-        return tuple(one for one in self.audit or () if one.severity == "finding")
+        findings = (one for one in self.audit or () if one.severity == "finding")
+        return (*self.diagnosis.behaviours, *findings)
 
     @property
     def linearization_differs(self) -> tuple[EngineLinearization, ...]:

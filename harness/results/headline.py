@@ -111,6 +111,8 @@ def _followers(results: Results, problems: Sequence[str]) -> list[str]:
     alike = [case for case in results.cases if case.outcome is Outcome.AGREES]
     engines_amiss = {case.engine for case in results.cases if not case.passes}
     alike = [case for case in alike if case.engine not in engines_amiss]
+    if problems:  # to less than a digit follows nothing
+        alike = [case for case in alike if case.digits is None or case.digits >= 1]
     if not alike:
         return []
     verb = "follows" if len({case.engine for case in alike}) == 1 else "follow"
@@ -189,6 +191,9 @@ def difference(case: Case) -> str:
         return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
     if _is_motion(verdict):
         return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
+    if verdict.discrepancy == verdict.map_residual and case.folder.endswith(case.model):
+        joint = verdict.component.removesuffix("_dot")
+        return f"{joint} leaves its coupling by up to {percent(verdict.discrepancy)}"
     if dynamics is not None and dynamics.outcome is Outcome.DIFFERS and dynamics.discrepancy:
         component = dynamics.component.removesuffix("_ddot")
         return f"acceleration of {component} off by up to {percent(dynamics.discrepancy)}"

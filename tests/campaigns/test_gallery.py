@@ -9,9 +9,15 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from gallery.__main__ import main
 from gallery.robots import ROBOTS, robot_files
+from gallery.site import Done, Entry, write_site
+from physics_crosscheck.harness.checks.findings import finding
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.records import SourceLine
+from tests.report.samples import results
 
 CASES = Path(__file__).parents[2] / "docs/cases"
 ROWS = {
@@ -59,6 +65,9 @@ def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path
     page = (site / f"engines/{differing['engine']}.html").read_text()
     assert differing["sentence"] in html.unescape(page)
     assert "arm.urdf" in (site / "formats.html").read_text()
+    assert (site / "robots/arm.xml/compare.html").is_file()  # the comparison as a page
+    refuted = [cell for cell in cells if cell["outcome"] in ("DIFFERS", "REFUSED")]
+    assert all(cell["line"] for cell in refuted), refuted
 
     # An unchanged robot is not run again, and a changed cell is named.
     before = (tmp_path / "store/pendulum.urdf/results.json").stat().st_mtime_ns
@@ -67,6 +76,35 @@ def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path
     main(gallery)
     assert (tmp_path / "store/pendulum.urdf/results.json").stat().st_mtime_ns == before
     assert f"{cells[0]['robot']} in" in (site / "changes.txt").read_text()
+
+
+def test_a_changed_robot_gets_a_new_picture_and_stored_texts_become_pages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fault = finding("massless", ("a",), "no mass", location=SourceLine(file="a.urdf", line=3))
+    base = results(1)
+    models = tuple(replace(one, audit=(fault,), diagnosis=None) for one in base.models)
+    given, drawn = replace(base, models=models), list[Path]()
+    monkeypatch.setattr("gallery.site.write_pictures", drawn.extend)
+    store, site = tmp_path / "store", tmp_path / "site"
+    (first, *_), (second, *_), *_ = robot_files()
+    for file in (first, second):
+        write_whole(store / file.slug / "results.json", encoded(given))
+        write_whole(store / file.slug / "compare.txt", f"$ crosscheck compare {file.slug}")
+        write_whole(site / f"robots/{file.slug}/picture.png", "old")
+        write_whole(site / f"robots/{file.slug}/results.json", encoded(given))
+    write_whole(site / f"robots/{first.slug}/results.json", "{}")  # of the robot before
+    write_whole(store / "versions/mujoco.txt", "$ crosscheck versions door.urdf")
+    done = Done(address=first.address, versions={}, command="crosscheck run")
+    entries = [Entry(file=one, done=done, results=given) for one in (first, second)]
+    write_site(site, store, entries)
+    assert drawn == [site / "robots" / first.slug]
+    index = (site / "index.html").read_text()  # each fault of a file once, at its line
+    assert index.count("<td>the file</td>") == 2
+    assert f"{first.address}#L3" in index
+    assert "massless" not in (site / "engines/mujoco.html").read_text()
+    assert f"compare {second.slug}" in (site / "formats.html").read_text()
+    assert "versions door.urdf" in (site / "versions.html").read_text()
 
 
 def test_every_robot_has_a_commit_and_a_licence() -> None:

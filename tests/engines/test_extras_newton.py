@@ -178,7 +178,7 @@ def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
     usd(tmp_path, edited((root, "")), articulations=True)
     zeros = ("= (0.0035, 0.003, 0.001)", "= (0, 0, 0)")
     point = usd(tmp_path, edited(zeros))
-    assert any("inertias that Newton enlarges (lower)" in one for one in point.corrective_settings)
+    assert any("inertias that Newton changes (lower)" in one for one in point.corrective_settings)
     with pytest.raises(EngineError, match="converts no units"):
         usd(tmp_path, edited(("metersPerUnit = 1", "metersPerUnit = 0.01")))
 

@@ -93,7 +93,10 @@ def test_point_mass_is_dropped_by_default(tmp_path: Path) -> None:
 def test_fixed_link_without_an_inertial_is_nearly_massless(tmp_path: Path) -> None:
     model = load("sapien", urdf(extra=WELDED.format("")), tmp_path)
     assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=3e-4)
-    assert model.corrective_settings == {}
+    ((name, remedy),) = model.corrective_settings.items()
+    assert "own inertia of a link without mass or moments" in name
+    corrected = load("sapien", urdf(extra=WELDED.format("")), tmp_path, settings=remedy)
+    assert 1 / (moved(corrected, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=3e-6)
     heavy = load("sapien", urdf(extra=WELDED.format(BODY)), tmp_path)
     inertia = 0.01 + 0.01 + 1
     assert 1 / (moved(heavy, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)

@@ -242,7 +242,7 @@ def _rotation_vector(turn: Array) -> Array:
 
 TURNS = "DART's dropping of the cubic term of free turns below 1e-3 rad per step"
 
-SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
+SERVO = "<mimic> of {} is a servo in DART, of which its leader feels nothing"
 
 OPENED = "DART leaves out joint {}, which closes a loop"
 

@@ -198,7 +198,7 @@ def read_urdf(model: UrdfModel) -> ParsedModel:
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
-    # Whether Newton enlarges moments that are small compared with a body's others, its default.
+    # Whether Newton enlarges small moments, and drops those without mass, its default.
     "corrected_inertias": True,
     # Whether welded links of a URDF are merged by Newton, which does it wrongly in 1.8.0.
     "collapse_fixed_joints": False,
@@ -292,10 +292,10 @@ class NewtonModel(LoadedModel):
         return StepRule(scheme="semi-implicit Euler") if plain else None
 
     @property
-    def _enlarged_cause(self) -> str:
+    def _changed_cause(self) -> str:
         """The cause that a diagnosis reports; empty if no inertia was changed."""
         names = shortened(self._corrected)
-        return f"inertias that Newton enlarges ({names})" if names else ""
+        return f"inertias that Newton changes ({names})" if names else ""
 
     @property
     def corrective_settings(self) -> dict[str, Mapping[str, object]]:
@@ -304,7 +304,7 @@ class NewtonModel(LoadedModel):
         """
         settings = dict(self._read.lost)
         return (
-            {**settings, self._enlarged_cause: {"corrected_inertias": False}}
+            {**settings, self._changed_cause: {"corrected_inertias": False}}
             if self._corrected
             else settings
         )
@@ -318,8 +318,8 @@ class NewtonModel(LoadedModel):
         """Yield elements that Newton changes, leaves out or ignores."""
         if self._corrected:
             message = (
-                f"{self._enlarged_cause}: they are too small relative to the body's other "
-                "moments, or violate the triangle inequality"
+                f"{self._changed_cause}: they are too small relative to the body's other "
+                "moments, violate the triangle inequality, or have no mass"
             )
             yield Remark(kind="replaced", message=message, address="", shows_in=("inertia",))
         for cause in self._read.lost:
