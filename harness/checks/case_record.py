@@ -63,6 +63,7 @@ def verdict_record(
         map_uncertainty=number(judged.map_uncertainty),
         resolution=number(judged.resolution),
         decided_by=judged.decided_by,
+        excess=number(judged.excess),
     )
 
 
