@@ -247,7 +247,7 @@ def doubtful_robot() -> Results:
         bodies=(), joints=(), placements=(), velocities=(), accelerations=(), length=1.0,
         unread=(UnreadMesh(name="hull.dae", problem="without a reader"),),
     )  # fmt: skip
-    one = {"folder": "a.urdf", "model": "a.urdf"}
+    one: dict[str, Any] = {"folder": "a.urdf", "model": "a.urdf"}
     return results(
         case(**one),
         models=(
