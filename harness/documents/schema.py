@@ -50,7 +50,7 @@ def _holder(name: str, names: Iterable[str], allowed: Mapping[str, frozenset[str
     return "/".join(map(_written, next(held, ())))
 
 
-def meant(name: str, names: Iterable[str], remedy: str) -> str:
+def remedy_with_hint(name: str, names: Iterable[str], remedy: str) -> str:
     """Return a remedy for an unknown name, with a similar name if there is one."""
     close = similar(name, names)
     return f"{remedy}; did you mean {close!r}?" if close else remedy

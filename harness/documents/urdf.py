@@ -23,7 +23,7 @@ from .document import (
 )
 from .elements import XmlElement
 from .errors import quote
-from .schema import meant
+from .schema import remedy_with_hint
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {
@@ -215,7 +215,7 @@ def _check_kind(document: Document, joint: XmlElement, kind: str, what: str) -> 
         document.add_problem(
             joint,
             f"{what} is of type {quote(kind)}",
-            meant(kind, KINDS, f"types are {', '.join(KINDS)}"),
+            remedy_with_hint(kind, KINDS, f"types are {', '.join(KINDS)}"),
         )
 
 
@@ -378,7 +378,7 @@ def _root(
                 document.add_problem(
                     joint.element,
                     f"the {tag} of joint {quote(joint.name)} is {quote(end)}, which is not a link",
-                    meant(end, links, "declare the link, or correct its name"),
+                    remedy_with_hint(end, links, "declare the link, or correct its name"),
                 )
         attach_child(document, above, joint.element, (joint.parent, joint.child))
     if not links:
