@@ -247,11 +247,13 @@ def doubtful_robot() -> Results:
         bodies=(), joints=(), placements=(), velocities=(), accelerations=(), length=1.0,
         unread=(UnreadMesh(name="hull.dae", problem="without a reader"),),
     )  # fmt: skip
-    one: dict[str, Any] = {"folder": "a.urdf", "model": "a.urdf"}
+    place: dict[str, Any] = {"folder": "a.urdf", "model": "a.urdf"}
     return results(
-        case(**one),
+        case(**place),
         models=(
-            model(advice, unread, coverage=Coverage(numbers=31, motion=23), acting=(creep,), **one),
+            model(
+                advice, unread, coverage=Coverage(numbers=31, motion=23), acting=(creep,), **place
+            ),
         ),
         systems=(replace(system("a", 1), folder="a.urdf", scene=scene),),
     )
