@@ -51,6 +51,7 @@ class CaseJudgement:
             precision allows.
         kind: kind of the reason for DIFFERS or UNRESOLVED; empty for AGREES.
         decided_by: the check that these numbers come from.
+        excess: by how much `component` moves too fast, see `judgement.excess`.
     """
 
     outcome: Outcome
@@ -67,6 +68,7 @@ class CaseJudgement:
     resolution: float
     kind: CaseKind = ""
     decided_by: DecidedBy = "segments"
+    excess: float = float("nan")
 
 
 STILL = 1e-12
@@ -172,7 +174,18 @@ def judge(
         reason=reason,
         resolution=resolution,
         kind=_kind(judged_limit, limit),
+        excess=_excess(limit, segments, judged_limit),
     )
+
+
+def _excess(limit: ExtrapolatedLimit, segments: Segments, judged_limit: LimitVerdict) -> float:
+    """Return by how much a velocity changes too fast; nan for positions, and without difference."""
+    column, n = judged_limit.component, segments.start.shape[1] // 2
+    if column < n or judged_limit.outcome is not Outcome.DIFFERS:
+        return float("nan")
+    start = segments.start[:, column]
+    with np.errstate(all="ignore"):
+        return judgement.excess(limit.value[:, column] - start, segments.end[:, column] - start)
 
 
 def with_residual(
@@ -489,7 +502,8 @@ def with_dynamics(
     )
     if judged.outcome is Outcome.DIFFERS:
         reason = _apart(comparison, names, resolution, verdict)
-        return by_accelerations(kind="acceleration", reason=reason)
+        differing = by_accelerations(kind="acceleration", reason=reason)
+        return replace(differing, excess=comparison.excess)
     stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
     if not (stiff and judged.outcome is Outcome.AGREES and comparison.complete):
         return verdict

@@ -50,6 +50,12 @@ def _holder(name: str, names: Iterable[str], allowed: Mapping[str, frozenset[str
     return "/".join(map(_written, next(held, ())))
 
 
+def remedy_with_hint(name: str, names: Iterable[str], remedy: str) -> str:
+    """Return a remedy for an unknown name, with a similar name if there is one."""
+    close = similar(name, names)
+    return f"{remedy}; did you mean {close!r}?" if close else remedy
+
+
 def similar(name: str, names: Iterable[str]) -> str:
     """Return the name most similar to a misspelled one, or an empty text."""
     from difflib import get_close_matches

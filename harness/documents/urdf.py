@@ -23,6 +23,7 @@ from .document import (
 )
 from .elements import XmlElement
 from .errors import quote
+from .schema import remedy_with_hint
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {
@@ -212,7 +213,9 @@ def _check_kind(document: Document, joint: XmlElement, kind: str, what: str) -> 
         )
     elif kind not in KINDS:
         document.add_problem(
-            joint, f"{what} is of type {quote(kind)}", f"types are {', '.join(KINDS)}"
+            joint,
+            f"{what} is of type {quote(kind)}",
+            remedy_with_hint(kind, KINDS, f"types are {', '.join(KINDS)}"),
         )
 
 
@@ -375,7 +378,7 @@ def _root(
                 document.add_problem(
                     joint.element,
                     f"the {tag} of joint {quote(joint.name)} is {quote(end)}, which is not a link",
-                    "declare the link, or correct its name",
+                    remedy_with_hint(end, links, "declare the link, or correct its name"),
                 )
         attach_child(document, above, joint.element, (joint.parent, joint.child))
     if not links:

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import even_indices
 from .coordinates import CoordinateMap
-from .judgement import LimitVerdict, judge
+from .judgement import LimitVerdict, excess, judge
 from .ladder import floored
 from .rounding import with_companions
 from .stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
@@ -52,12 +53,14 @@ class AccelerationComparison:
         force_errors: largest difference in generalized forces by name, relative to the largest
             force on the same coordinate; nan if the engine's mass matrix is singular.
             `EQUALITIES` is in positions.
+        excess: by how much the differing coordinate accelerates too fast, see `judgement.excess`.
     """
 
     judgement: LimitVerdict
     states: int
     complete: bool
     force_errors: dict[str, float]
+    excess: float = float("nan")
 
     @property
     def holds_equalities(self) -> bool:
@@ -128,11 +131,17 @@ def forward_dynamics(
         defect, uncertainty = np.hstack([defect, gaps[0]]), np.hstack([uncertainty, gaps[1]])
         force_errors[EQUALITIES] = float(np.max(gaps[0]))
     verdict = judge(defect[returned], uncertainty[returned], resolution, None)
+    column = verdict.component
+    ratio = float("nan")
+    if column < took.shape[1] and verdict.outcome is Outcome.DIFFERS:
+        with np.errstate(all="ignore"):
+            ratio = excess(took[: len(states)][returned, column], expected[returned, column])
     return AccelerationComparison(
         judgement=replace(verdict, segment=int(np.flatnonzero(returned)[verdict.segment])),
         states=int(returned.sum()),
         complete=bool(returned.all()),
         force_errors=force_errors,
+        excess=ratio,
     )
 
 

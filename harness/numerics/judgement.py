@@ -68,6 +68,28 @@ class LimitVerdict:
     largest_uncertainty: float
 
 
+CLEAR_SHARE = 0.1
+"""Share of the largest difference, and of the largest movement, from which a direction counts."""
+
+
+def excess(moved: Array, expected: Array) -> float:
+    """Return by how much a component moves too fast where it differs most; negative: too slowly.
+
+    Args:
+        moved, expected: movement in the engine and in the equations, (K,).
+
+    Returns:
+        The difference relative to the expected movement; nan if the direction changes.
+    """
+    off = moved - expected
+    worst = int(np.argmax(np.abs(off)))
+    ratios = (off / expected)[np.abs(off) >= CLEAR_SHARE * np.abs(off[worst])]
+    ratio = float(off[worst] / expected[worst])
+    is_small = abs(expected[worst]) < CLEAR_SHARE * np.max(np.abs(expected))
+    is_clear = bool(np.all(ratios * ratio > 0)) and min(ratios) > -1
+    return ratio if is_clear and not is_small else float("nan")
+
+
 def unresolved_reason(limit: ExtrapolatedLimit) -> UnresolvedReason | None:
     """Return why no limit has a known digit; None if there are known digits."""
     if float(limit.increments[0]) == 0.0:

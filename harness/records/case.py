@@ -139,6 +139,7 @@ class Verdict(Record, frozen=True, kw_only=True):
         map_uncertainty: Uncertainty of `map_residual`.
         resolution: Resolution used: the requested one, or what the engine's precision
             allows; None if unknown.
+        excess: Excess of the change of `component`'s velocity; negative: too slow; None: unclear.
     """
 
     discrepancy: Number
@@ -155,6 +156,7 @@ class Verdict(Record, frozen=True, kw_only=True):
     map_uncertainty: Number = None
     resolution: Number = None
     decided_by: DecidedBy = "segments"
+    excess: Number = None
 
 
 def starts_at(time: float | None, segment: int) -> str:

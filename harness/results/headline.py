@@ -36,26 +36,29 @@ def headline(results: Results) -> list[str]:
     ]
     if not files:
         return []
+    faults = _faults(results, issues, several=len(files) > 1)
+    doubts = [] if issues or faults else _doubtful_number(results)
     if len(files) == 1:
-        sentences = [_issue_sentence(one, results) for one in issues] + _faults(results, issues)
+        sentences = [_issue_sentence(one, results) for one in issues] + faults
         sentences += _followers(results, sentences)
     else:
-        sentences = _faults(results, issues, several=True)
-        sentences = [*_of_files(results, issues, 0 if sentences else len(files)), *sentences]
+        sentences = [*_of_files(results, issues, 0 if faults else len(files)), *faults]
+    sentences = [*doubts, *sentences]
     return [one if one.endswith("?") else f"{one}." for one in sentences]
 
 
-def doubtful_number(results: Results) -> str:
-    """Return the first implausible number of the only file that has some, with its line; or ""."""
+def _doubtful_number(results: Results) -> list[str]:
+    """Return the first implausible number of the only file that has some, with its line."""
     files = {(one.folder, one.model): one.advice for one in results.models if one.advice}
     if len(files) != 1:
-        return ""
+        return []
     ((_, name), (first, *others)) = next(iter(files.items()))
     code = find_code(first.code)
     title = "An implausible number" if code is None else code.title.removesuffix(".")
     line = None if first.location is None else first.location.line
+    title += f" ({listed(first.subject, NAMED)})" if first.subject else ""
     more = f"; {counted(len(others), 'more implausible number')}" if others else ""
-    return f"{name}{f':{line}' if line else ''}: {title[0].lower()}{title[1:]}{more}."
+    return [f"{name}{f':{line}' if line else ''}: {title[0].lower()}{title[1:]}{more}"]
 
 
 def _file(case: Case | Model) -> str:
@@ -190,7 +193,7 @@ def difference(case: Case) -> str:
     if case.kind == "whole step":
         return f"{verdict.component} off by up to {percent(verdict.discrepancy)} {WITH_ALL}"
     if _is_motion(verdict):
-        return f"{_component(verdict.component)} off by up to {percent(verdict.discrepancy)}"
+        return _motion_differs(verdict)
     if verdict.discrepancy == verdict.map_residual and case.folder.endswith(case.model):
         joint = verdict.component.removesuffix("_dot")
         return f"{joint} leaves its coupling by up to {percent(verdict.discrepancy)}"
@@ -216,5 +219,12 @@ def _is_motion(verdict: Verdict) -> bool:
     return e is not None and e > (u or 0.0) and e != verdict.map_residual
 
 
-def _component(name: str) -> str:
-    return f"velocity of {name.removesuffix('_dot')}" if name.endswith("_dot") else name
+def _motion_differs(verdict: Verdict) -> str:
+    """Return how far a component is off, and by its sign that it is too fast or too slow."""
+    joint = verdict.component.removesuffix("_dot").removesuffix("_ddot")
+    if verdict.excess is not None:
+        direction = "too fast" if verdict.excess > 0 else "too slowly"
+        return f"{joint} accelerates up to {percent(abs(verdict.excess))} {direction}"
+    is_velocity = verdict.component.endswith("_dot")
+    name = f"velocity of {joint}" if is_velocity else verdict.component
+    return f"{name} off by up to {percent(verdict.discrepancy or 0.0)}"

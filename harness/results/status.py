@@ -146,11 +146,16 @@ def step_words(step: TimeStep) -> str:
 
 
 def unread_words(meshes: Sequence[UnreadMesh]) -> str:
-    """Return meshes in words by problem: `a.stl and 3 more are missing; c.stl is empty`."""
+    """Return meshes in words by problem: `a.stl and 3 more are missing; c.stl is empty`.
+
+    A mesh without a reader names the package to install.
+    """
     problems: dict[str, list[str]] = {}
     for mesh in meshes:
         problems.setdefault(mesh.problem, []).append(mesh.name)
+    remedy = {"without a reader": " (run `pip install 'physics-crosscheck[meshes]'`)"}
     return "; ".join(
         f"{listed(names, 3)} {'is' if len(names) == 1 else 'are'} {problem}"
+        f"{remedy.get(problem, '')}"
         for problem, names in problems.items()
     )

@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.numerics import ladder as ladder_module
-from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
+from physics_crosscheck.harness.numerics.judgement import (
+    UnresolvedReason,
+    excess,
+    judge,
+    unresolved_reason,
+)
 from physics_crosscheck.harness.numerics.ladder import (
     RUNGS,
     ExtrapolatedLimit,
@@ -261,3 +266,20 @@ def test_measurable_defect_below_the_resolution_agrees_and_is_reported(
     assert result.below_resolution is (outcome == "AGREES")
     assert (result.segment, result.component) == (2, 1)
     assert (result.discrepancy, result.uncertainty) == (4e-12, 1e-13)
+
+
+@pytest.mark.parametrize(
+    ("moved", "expected"),
+    [
+        ((3.1, -1.55, 0.2), 2.1),
+        ((0.5, -0.25, 0.06), -0.5),
+        ((2.0, -0.3, 0.1), None),  # too slow at the second state
+        ((-0.5, 0.25, 0.1), None),  # the other way
+        ((1.0, -0.5, 4.1), None),  # expected hardly to move where it differs most
+    ],
+)
+def test_excess_has_a_sign_if_it_is_the_same_everywhere(
+    moved: tuple[float, ...], expected: float | None
+) -> None:
+    ratio = excess(np.array(moved), np.array([1.0, -0.5, 0.05]))
+    assert ratio == pytest.approx(np.nan if expected is None else expected, nan_ok=True)

@@ -36,7 +36,7 @@ def test_all_problems_are_reported_with_their_lines(tmp_path: Path) -> None:
         joint("p", "base", "a", kind="planar"),
         joint("q", "a", "b", kind="Revolute"),
         link("b"),
-        joint("r", "b", "gone"),
+        joint("r", "b", "alon"),
         joint("s", "b", "c", '<origin xyz="${x} 0 0"/><axis xyz="0 0 0"/>'),
         link("c"),
         link("alone"),
@@ -48,7 +48,7 @@ def test_all_problems_are_reported_with_their_lines(tmp_path: Path) -> None:
         (4, "a second link is called 'a'"),
         (5, "joint 'p' is planar, which is not covered"),
         (6, "joint 'q' is of type 'Revolute'"),
-        (8, "the child of joint 'r' is 'gone', which is not a link"),
+        (8, "the child of joint 'r' is 'alon', which is not a link"),
         (9, "xyz of <origin> of joint 's' is '${x} 0 0'; expected 3 finite numbers"),
         (9, "the axis of joint 's' has no length"),
         (12, "a second joint is called 's'"),
@@ -56,6 +56,8 @@ def test_all_problems_are_reported_with_their_lines(tmp_path: Path) -> None:
     ]
     assert all(one.file == tmp_path / "robot.urdf" for one in robot.obstacles)
     assert "xacro" in robot.obstacles[5].remedy
+    for index, close in ((3, "revolute"), (4, "alone")):
+        assert robot.obstacles[index].remedy.endswith(f"; did you mean {close!r}?")
     assert str(robot.obstacles[2]).startswith(f"{tmp_path / 'robot.urdf'}:5: joint 'p' is planar")
 
 

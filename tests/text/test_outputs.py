@@ -11,6 +11,8 @@ from physics_crosscheck.harness.records.case import EventTime, SkippedCheck, Who
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.diff import Status, bare_diff
 from physics_crosscheck.harness.records.results import BaselineChanges
+from physics_crosscheck.harness.records.scene import Scene, UnreadMesh
+from physics_crosscheck.harness.records.survey import ActingQuantity
 from physics_crosscheck.harness.render.html.cases import CaseView
 from physics_crosscheck.harness.render.html.diagnoses import sentence
 from physics_crosscheck.harness.results.issues import collect_issues
@@ -37,6 +39,7 @@ from tests.records.made import (
     stepping,
     verdict,
 )
+from tests.report.samples import system
 
 LINE = SourceLine(file="mujoco.xml", line=21)
 WRONG = cause(
@@ -227,6 +230,40 @@ def link_without_mass() -> Results:
     return results(agreeing, differs, models=models)
 
 
+def doubtful_robot() -> Results:
+    """Return an agreeing robot with advice, unread names, creep and a mesh without a reader."""
+    advice = finding(
+        "the masses of 'left' and 'right' are 2 and 1", kind="left and right",
+        subject=("left", "right"), severity="advice", location=SourceLine(file="a.urdf", line=7),
+    )  # fmt: skip
+    unread = finding(
+        kind="unread", subject=("<motorInertia> of <joint>",), severity="note",
+        location=SourceLine(file="a.urdf", line=9),
+    )  # fmt: skip
+    creep = ActingQuantity(
+        subject="floor with foot", quantity="creep", value=0.0457, rule="on a slope"
+    )
+    scene = Scene(
+        bodies=(), joints=(), placements=(), velocities=(), accelerations=(), length=1.0,
+        unread=(UnreadMesh(name="hull.dae", problem="without a reader"),),
+    )  # fmt: skip
+    place: dict[str, Any] = {"folder": "a.urdf", "model": "a.urdf"}
+    return results(
+        case(**place),
+        models=(
+            model(
+                advice, unread, coverage=Coverage(numbers=31, motion=23), acting=(creep,), **place
+            ),
+        ),
+        systems=(replace(system("a", 1), folder="a.urdf", scene=scene),),
+    )
+
+
+def signed(component: str, excess: float | None) -> Results:
+    off = verdict(discrepancy=0.02, component=component, excess=excess)
+    return results(case(Outcome.DIFFERS, verdict=off))
+
+
 LARGER = verdict(largest_discrepancy=7e-11, largest_uncertainty=4e-11)
 WITHIN = case(Outcome.DIFFERS, engine="pybullet", accepted="within its own 3e-8")
 FAULTY = model(finding("mass is 9"))
@@ -258,6 +295,10 @@ OUTPUTS = {
     "an accepted cause": accepted_cause(),
     "findings that differ in numbers": findings_that_differ_in_numbers(),
     "a link without mass": link_without_mass(),
+    "implausible numbers": doubtful_robot(),
+    "too fast": signed("knee_dot", 2.12),
+    "too slow": signed("knee_ddot", -0.5),
+    "a sign that changes": signed("knee_dot", None),
 }
 
 

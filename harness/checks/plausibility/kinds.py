@@ -590,8 +590,6 @@ KINDS: tuple[Callable[[RobotFacts], Iterator[Advice]], ...] = (
 
 _ORDER: tuple[str, ...] = get_args(PlausibilityKind)
 
-_UNREAD = ("unreadable", "without a reader")
-
 
 def plausibility_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     """Return advice about a file with a tree, by kind and the worst first, and a note on meshes."""
@@ -613,7 +611,5 @@ def _uncompared(facts: RobotFacts) -> Iterator[AuditFinding]:
         return
     unread = unread_meshes(shape for body in bodies for shape in body.shapes)
     why = unread_words(unread) or "some have no volume, or axes that some programs turn"
-    collada = any(one.problem in _UNREAD and one.name.endswith(".dae") for one in unread)
-    hint = ". COLLADA files need `pip install 'physics-crosscheck[meshes]'`" if collada else ""
-    message = f"meshes are not compared with masses and inertias: {why}{hint}"
+    message = f"meshes are not compared with masses and inertias: {why}"
     yield finding("unresolved", ("meshes",), message, severity="note")

@@ -18,6 +18,7 @@ from physics_crosscheck.reference.mechanism.tree import Kind
 from ..document import GRAVITY, Document, FileLink, Mimic, add_loop_problems, free_name
 from ..elements import XmlElement
 from ..errors import quote
+from ..schema import remedy_with_hint
 from .frames import MODEL, WORLD, SdfFrames, automatic_inertia, inverse, is_automatic, read_pose
 
 _UNCOVERED: Mapping[str, str] = {
@@ -236,7 +237,7 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
             element,
             f"{what} is of type {quote(kind)}, which "
             + ("no engine reads" if kind == "gearbox" else "is not covered"),
-            f"types are {', '.join(KINDS)}",
+            remedy_with_hint(kind, KINDS, f"types are {', '.join(KINDS)}"),
             "unsupported",
         )
     stated = {tag: document.child(element, tag) for tag in ("parent", "child")}
@@ -247,7 +248,9 @@ def _joint(document: Document, frames: SdfFrames, element: XmlElement, name: str
             document.add_problem(
                 element,
                 f"the {tag} of {what} is {quote(ends[tag])}, which is not a link",
-                "declare the link, or correct its name",
+                remedy_with_hint(
+                    ends[tag], frames.tagged("link"), "declare the link, or correct its name"
+                ),
             )
     of_tree = KINDS.get(kind)
     is_valid = of_tree is not None and links["child"] not in ("", WORLD)

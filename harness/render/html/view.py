@@ -15,7 +15,7 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.scene import Scene
 from physics_crosscheck.harness.records.system import SystemResult
-from physics_crosscheck.harness.results.headline import doubtful_number, headline
+from physics_crosscheck.harness.results.headline import headline
 from physics_crosscheck.harness.results.next_steps import DEFAULT_OUT
 from physics_crosscheck.harness.results.status import counted, unread_words
 from .case_charts import OVERLAID, case_charts
@@ -348,8 +348,7 @@ class Report:
         count = len(self.cases)
         agreeing = self.counts.get(Outcome.AGREES, 0)
         numbers = f"{agreeing} of {counted(count, 'case')} agree{'s' if count == 1 else ''}"
-        doubt = "" if self.issues else doubtful_number(self.results)
-        first, *others = [*filter(None, [doubt]), *headline(self.results)] or [f"{numbers}."]
+        first, *others = headline(self.results) or [f"{numbers}."]
         return first, " ".join((*others, f"{numbers}.", verdict(self.results, self.issues)))
 
     @property

@@ -81,8 +81,8 @@ def print_results(
         _print_models(console, results, details)
         if details:
             _print_details(console, results)
-        _print_notes(console, results, details)
         _print_advice(console, results, details)
+        _print_notes(console, results, details)
     if results.baseline is not None:
         _print_changes(console, results.baseline)
         codes += [
@@ -228,7 +228,9 @@ def _print_advice(console: Console, results: Results, details: bool) -> None:
     for model in files.values():
         count = counted(len(model.advice), "implausible number")
         title = f"{shown_path(model.model)}: {count} (advice, not part of the verdict)"
-        _print_list(console, title, advice_lines(model.advice, details=details))
+        console.print(f"[bold]{title}[/]")
+        for line in advice_lines(model.advice, details=details):
+            print_wrapped(console, line, lead="  ", indent=4)
 
 
 def _print_models(console: Console, results: Results, details: bool) -> None:
@@ -269,17 +271,18 @@ def _print_notes(console: Console, results: Results, details: bool) -> None:
     """Print a short line each about coverage, accepted differences and reservations."""
     if details:
         return
+    if line := unread_line(results.models):
+        print_wrapped(console, line)
     if len({case.folder for case in results.cases}) == 1 and (
         line := coverage_summary(results.models)
     ):
         print_wrapped(console, f"{line}; --details lists the rest")
         for line in _acting_lines(results):
             print_wrapped(console, line, indent=2)
-    if line := unread_line(results.models):
-        print_wrapped(console, line)
     for system in results.systems:
         meshes = () if system.scene is None else system.scene.unread
-        missing = [one for one in meshes if one.problem in ("missing", "not a regular file")]
+        unseen = ("missing", "not a regular file", "without a reader")
+        missing = [one for one in meshes if one.problem in unseen]
         if missing:
             print_wrapped(console, f"{unread_words(missing)}; these shapes are left out")
     lines = [
