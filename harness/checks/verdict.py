@@ -155,7 +155,7 @@ def judge(
         reason = _below(component, place, judged_limit, resolution)
     elif judged_limit.unresolved_reason is not None:
         why = _why_coarse(limit, judged_limit, held)
-        reason = _unresolved(judged_limit, limit, place, component, claimed, resolution, why)
+        reason = _unresolved(judged_limit, limit, place, component, claimed, requested, why)
     elif judged_limit.largest_uncertainty > requested:
         reason = short_numbers(limit.epsilon, judged_limit.largest_uncertainty, requested)
     return CaseJudgement(

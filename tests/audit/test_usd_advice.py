@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.planning.model_checks import faults_here
 from physics_crosscheck.records import AuditFinding
 from tests.robots.usd import edited, read_usd
 
@@ -45,6 +46,13 @@ SCALED = """{
 def advice(folder: Path, *edits: tuple[str, str]) -> list[AuditFinding]:
     findings = plausibility_findings(read_usd(folder, edited(*edits, text=SOUND)))
     return [one for one in findings if one.severity == "advice"]
+
+
+def test_a_freed_root_is_a_fault_where_the_engine_frees_it(tmp_path: Path) -> None:
+    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
+    findings = advice(tmp_path, *on_body)
+    severities = [faults_here(findings, engine)[0].severity for engine in ("newton", "physx")]
+    assert severities == ["advice", "finding"]
 
 
 def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.forward_dynamics import forward_dynamics
 from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies
 from tests.engines.extras import need
 from tests.models import written
@@ -124,6 +126,8 @@ def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path:
     assert moved.corrective_settings == {}
     assert np.array_equal(motion(moved), motion(right))
     assert not np.array_equal(motion(freed), motion(right))
+    case = run_case(model_task(prepare_tree(written(tmp_path, "r.usda", TREE, *ON_BODY)), "physx"))
+    assert case.outcome is Outcome.UNRESOLVED
 
 
 @pytest.mark.parametrize(("setting", "value", "speed", "edits"), [
