@@ -499,7 +499,8 @@ def with_dynamics(
         f"its accelerations{held}, at {counted(comparison.states, 'state')}, match the "
         f"equations to {resolved:.1e} of the largest; its motions: {verdict.reason}"
     )
-    return by_accelerations(kind="", reason=message)
+    resolution = max(resolution, judged.largest_uncertainty)
+    return by_accelerations(kind="", reason=message, resolution=resolution)
 
 
 def decided(

@@ -37,6 +37,7 @@ SOUND = edited(
 )  # fmt: skip
 BINDING = "            rel material:binding:physics = </arm/rubber>\n"
 TENSOR = "        double[] newton:inertia = [0.0035, 0.003, 0.0011, 0, 0, 0]\n"
+ZERO = "        double[] newton:inertia = [0, 0, 0, 0, 0, 0]\n"
 ROOT, BODY = '"PhysicsArticulationRootAPI"', ' "base" (prepend apiSchemas = ['
 SCALED = """{
     double3 xformOp:scale = (1, 1, 2)
@@ -65,6 +66,7 @@ def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
         ("XC187", 14, None, None, [
             (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")]),
         ("XC188", 30, None, 0.0, [("mass = 0.75\n", "mass = 0\n")]),
+        ("XC188", 32, None, 0.75, [(LOWER, "(0, 0, 0)\n" + ZERO)]),
         ("XC189", 61, 1.74533, 100, [("stiffness = 0.5", "stiffness = 100")]),
         ("XC190", 57, 0.00174533, 0.1, [("newton:damping = 0.0017453293", "newton:damping = 0.1")]),
         ("XC190", 32, 0.0011, 0.001, [(SHAPE, TENSOR + SHAPE)]),

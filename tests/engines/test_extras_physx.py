@@ -7,6 +7,7 @@ import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
@@ -105,6 +106,17 @@ def test_next_states_and_accelerations_match_the_equations(
         result = compare(model, coordinates, bodies, drawn.start, drawn.start_inputs, 1e-5)
         assert result is not None
         assert result.judgement.largest_discrepancy < largest
+
+
+def test_bodies_at_the_origin_are_where_the_file_puts_them(tmp_path: Path) -> None:
+    need("physx")
+    one = TREE.partition('def Xform "b_link"')[0] + HINGE.format(*JOINTS[0]) + "}\n"
+    edits = ("(0.1, 0.05, -0.2)", "(0, 0, 0)"), ("(0.05, -0.03, -0.1)", "(0.1, 0.2, 0.33)")
+    path = written(tmp_path, "r.usda", one, *edits)
+    task = model_task(prepare_tree(path, states=8), "physx")
+    check = case_poses(task, *task.load())
+    assert check is not None
+    assert check.findings == ()  # rounding about centers that are 0.4 m away
 
 
 def motion(model: LoadedModel, h: float = 1e-3, n: int = 1, speed: float = 1.0) -> np.ndarray:

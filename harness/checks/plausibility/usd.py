@@ -135,6 +135,9 @@ def unset_masses(facts: StageFacts) -> UsdAdvice:
         if mass == 0:
             what = "the mass 0, which means that it is not stated"
             how = "compute it from the density of its shapes" if body in solid else how
+        elif mass and not any(moments or ()) and tensor and not any(tensor):
+            what = "the moments 0, which mean in UsdPhysics that they are not stated"
+            how = "compute them from its shapes, or take 0" if body in solid else how
         elif body in solid or (mass and (any(moments or ()) or tensor)):
             continue
         else:
@@ -144,7 +147,7 @@ def unset_masses(facts: StageFacts) -> UsdAdvice:
             f"body {quote(body.GetName())} has {what}: engines {how}, or invent numbers, such as"
             " 1 kg. State physics:mass and physics:diagonalInertia, or join it to its parent"
         )
-        name = "" if mass is None else "physics:mass"
+        name = "" if mass is None else MOMENTS if tensor and mass else "physics:mass"
         yield facts.advice("unset mass", [body], message, name, actual=mass)
 
 
