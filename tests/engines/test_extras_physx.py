@@ -110,9 +110,9 @@ def test_next_states_and_accelerations_match_the_equations(
 
 def test_bodies_at_the_origin_are_where_the_file_puts_them(tmp_path: Path) -> None:
     need("physx")
-    one = TREE.partition('def Xform "b_link"')[0] + HINGE.format(*JOINTS[0]) + "}\n"
+    hinge = TREE.partition('def Xform "b_link"')[0] + HINGE.format(*JOINTS[0]) + "}\n"
     edits = ("(0.1, 0.05, -0.2)", "(0, 0, 0)"), ("(0.05, -0.03, -0.1)", "(0.1, 0.2, 0.33)")
-    path = written(tmp_path, "r.usda", one, *edits)
+    path = written(tmp_path, "r.usda", hinge, *edits)
     task = model_task(prepare_tree(path, states=8), "physx")
     check = case_poses(task, *task.load())
     assert check is not None
