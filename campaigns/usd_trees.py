@@ -231,7 +231,8 @@ def problems(mechanism: RandomMechanism, writer: UsdWriter, path: Path) -> Itera
     scale = np.sqrt(np.einsum("bii,bjj->bij", wanted, wanted))
     off = float(np.max(np.abs(mass[:, order][:, :, order] - wanted) / scale))
     expected = truth.acceleration(np.zeros(4), q.T, v.T).T
-    moved = float(np.max(np.abs(inputs - expected)) / np.max(np.abs(expected)))
+    size = np.max(np.abs(expected), initial=1e-9)
+    moved = float(np.max(np.abs(inputs - expected)) / size)
     for what, share in (("mass matrix", off), ("accelerations", moved)):
         if not share <= LARGEST:
             yield f"{what} off by {share:.1e}"

@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.checks.plausibility.usd import repaired
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.usd import read
 from physics_crosscheck.harness.planning.model_checks import faults_here
 from physics_crosscheck.records import AuditFinding
 from tests.robots.usd import edited, read_usd
@@ -49,11 +52,26 @@ def advice(folder: Path, *edits: tuple[str, str]) -> list[AuditFinding]:
     return [one for one in findings if one.severity == "advice"]
 
 
-def test_a_freed_root_is_a_fault_where_the_engine_frees_it(tmp_path: Path) -> None:
+def test_a_freed_root_is_a_fault_where_an_installed_engine_frees_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
     findings = advice(tmp_path, *on_body)
-    severities = [faults_here(findings, engine)[0].severity for engine in ("newton", "physx")]
-    assert severities == ["advice", "finding"]
+    for engine, version, severity in (
+        ("newton", "1.8", "advice"), ("physx", None, "advice"), ("physx", "0.7", "finding"),
+    ):  # fmt: skip
+        monkeypatch.setattr(type(engines()[engine]), "version", lambda self, one=version: one)
+        assert faults_here(findings, engine)[0].severity == severity
+
+
+def test_repairs_roots_and_quaternions_in_a_layer(tmp_path: Path) -> None:
+    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
+    findings = advice(tmp_path, *on_body, ("Axes = (1, 0", "Axes = (0.5, 0.5"))
+    assert {one.code for one in findings} == {"XC187", "XC192"}
+    layer = tmp_path / "arm.fixed.usda"
+    layer.write_text(repaired(tmp_path / "arm.usda", findings))
+    assert "@./arm.usda@" in layer.read_text()
+    assert [*plausibility_findings(read(layer, {}))] == []
 
 
 def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
