@@ -47,7 +47,7 @@ class UsdWriter:
     """A mechanism as USD text, in a representation that a generator draws."""
 
     def __init__(self, mechanism: RandomMechanism, rng: np.random.Generator, is_si: bool) -> None:
-        self.mechanism, self.rng = mechanism, rng
+        self.mechanism, self.rng, self.is_si = mechanism, rng, is_si
         self.unit = 1.0 if is_si else float(rng.choice([1.0, 0.01, 0.1]))
         self.mass = 1.0 if is_si else float(rng.choice([1.0, 0.001, 1000.0]))
         self.is_nested = bool(rng.integers(2))
@@ -142,7 +142,7 @@ class UsdWriter:
     def _joint(self, i: int) -> str:
         link, flipped, axis = (
             self.mechanism.links[i],
-            bool(self.rng.integers(2)),
+            bool(not self.is_si and self.rng.integers(2)),
             int(self.rng.integers(3)),
         )
         outer, inner = ("1", "0") if flipped else ("0", "1")
@@ -190,7 +190,9 @@ class UsdWriter:
     def write(self, folder: Path) -> Path:
         """Write one file, or two, and return the root layer."""
         scene, robot, path = self.scene(), self.robot(), folder / "robot.usda"
-        style = ("file", "over", "reference", "instance")[int(self.rng.integers(4))]
+        style = ("file", "over", "reference", "instance")[
+            int(self.rng.integers(3 if self.is_si else 4))
+        ]
         inner = self.head(robot)
         if style == "over":
             wrong = robot.replace("float physics:mass = ", "float physics:mass = 9")
