@@ -378,21 +378,11 @@ def _with_steps(
     motion: Motion | None,
 ) -> _Judgement:
     """Let single steps decide what the segments of short numbers leave open, if they do."""
-    verdict, stepping = judged.verdict, judged.stepping
-    if compared is None or stepping is None or compared.model.epsilon <= EPSILON:
+    is_open = judged.verdict.outcome is Outcome.UNRESOLVED
+    if compared is None or compared.model.epsilon <= EPSILON or not is_open:
         return judged
-    if verdict.outcome is Outcome.UNRESOLVED:
-        steps = decide_by_steps(compared, stepping, judged.dynamics, motion, COARSEST)
-        return judged if steps is None else replace(judged, verdict=steps.verdict)
-    apart = stepping.judgement
-    hides = apart.largest_discrepancy <= verdict.largest_uncertainty
-    if verdict.outcome is Outcome.AGREES and apart.outcome is Outcome.DIFFERS and hides:
-        reason = (
-            f"its single steps are off by {percent(apart.discrepancy)} from the engine's rule, and "
-            f"its segments resolve only {percent(verdict.largest_uncertainty)}"
-        )
-        verdict = replace(verdict, outcome=Outcome.UNRESOLVED, kind="rounding", reason=reason)
-    return replace(judged, verdict=verdict)
+    steps = decide_by_steps(compared, judged.stepping, judged.dynamics, motion, COARSEST)
+    return judged if steps is None else replace(judged, verdict=steps.verdict)
 
 
 def stepped_model(

@@ -114,7 +114,7 @@ def _has(prim: Any, schema: str) -> bool:
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
-        body = next((facts.stage.bodies[end] for end in joint.ends if end), None)
+        body = facts.stage.bodies[next(end for end in joint.ends if end)]
         if _fixes(facts.stage, joint, body) and _has(body, "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
@@ -132,9 +132,9 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
     stage = UsdStage(file, {})
     joints, session = StageFacts(stage).joints, stage.stage.GetSessionLayer()
     with stage.pxr.Usd.EditContext(stage.stage, session):
-        for one in findings:
-            prim = stage.stage.GetPrimAtPath(one.subject[0])
-            if one.kind == "articulation root":
+        for fault in findings:
+            prim = stage.stage.GetPrimAtPath(fault.subject[0])
+            if fault.kind == "articulation root":
                 base = next(joint.prim for joint in joints if _fixes(stage, joint, prim))
                 for name in prim.GetAppliedSchemas():
                     if "Articulation" in name and base.AddAppliedSchema(name):
@@ -142,8 +142,8 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
                 for member in prim.GetAuthoredAttributes():
                     if "rticulation" in (name := member.GetName()):
                         base.CreateAttribute(name, member.GetTypeName()).Set(member.Get())
-            elif one.kind == "quaternion" and not prim.IsInstanceProxy():
-                turn = prim.GetAttribute(one.subject[1])
+            elif fault.kind == "quaternion" and not prim.IsInstanceProxy():
+                turn = prim.GetAttribute(fault.subject[1])
                 turn.Set(turn.Get().GetNormalized())
     layer = stage.pxr.Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(session)
