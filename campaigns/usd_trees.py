@@ -267,8 +267,11 @@ def main(given: Sequence[str] | None = None) -> int:
             errors = list(problems(mechanism, writer, path))
             if chosen.engine and not errors:
                 task = model_task(prepare_tree(path), chosen.engine)
-                off = task.load()[0].corrective_settings.values()
-                case = run_case(task.with_settings(**{k: v for one in off for k, v in one.items()}))
+                case = run_case(task)
+                if case.outcome == "DIFFERS":
+                    own = task.load()[0].corrective_settings.values()
+                    off = {key: value for one in own for key, value in one.items()}
+                    case = run_case(task.with_settings(**off))
                 refused += case.outcome == "REFUSED"
                 is_right = case.outcome in ("AGREES", "REFUSED")
                 errors += [] if is_right else [f"{case.outcome}: {case.reason}"]
