@@ -42,8 +42,8 @@ MARGIN = 100.0
 """Factor by which the differences of single steps, and their uncertainty, must be below the
 resolution. A number with a small effect on a step may have a larger one on a segment."""
 
-COARSEST = 1e-3
-"""Largest uncertainty of steps in short numbers that decide; segments may resolve more then."""
+CLEAR = 1e-3
+"""Uncertainty of steps in short numbers above which segments may resolve more."""
 
 MOST_STEPS = 100_000
 """Largest number of steps of a run that is compared step by step; its states are kept in memory."""
@@ -133,6 +133,7 @@ def decide_by_steps(
     stepping: StepComparison | None,
     dynamics: AccelerationComparison | None,
     motion: Motion | None,
+    coarsest: float = CLEAR,
 ) -> StepsVerdict | None:
     """Return the verdict that single steps allow; None if segments must decide.
 
@@ -141,11 +142,14 @@ def decide_by_steps(
         stepping: the comparison of single steps; None without a rule.
         dynamics: the comparison of accelerations; None if the engine exposes none.
         motion: the motion of full runs; None without one.
+        coarsest: largest uncertainty that decides in short numbers.
     """
     if stepping is None:
         return None
     if compared.model.epsilon > EPSILON:
-        return _by_short_numbers(compared, stepping, dynamics) if motion is None else None
+        short = _by_short_numbers(compared, stepping, dynamics)
+        is_fine = short is not None and short.verdict.largest_uncertainty <= coarsest
+        return short if is_fine and motion is None else None
     if not suffices(stepping, dynamics, compared.resolution):
         return None
     if motion is None:
@@ -174,8 +178,6 @@ def _by_short_numbers(
     if any(one.outcome is Outcome.DIFFERS for one in each):
         return None
     largest = max(one.largest_uncertainty for one in each)
-    if not largest <= COARSEST:
-        return None
     built = _build(compared, stepping, None)
     epsilon, requested = compared.model.epsilon, compared.resolution
     verdict = replace(

@@ -20,12 +20,13 @@ from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
 from physics_crosscheck.harness.numerics.event_runs import lost_contact, phase_spread, study_events
 from physics_crosscheck.harness.numerics.forward_dynamics import AccelerationComparison
 from physics_crosscheck.harness.numerics.full_run import CompleteRun, why_no_run
+from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
 from physics_crosscheck.harness.numerics.stepping import StepComparison, StepDefects
 from physics_crosscheck.harness.records.base import Record, SourceLine
 from physics_crosscheck.harness.records.case import Case, CaseKind, SkippedCheck, Stepping
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import COARSEST, Outcome
 from physics_crosscheck.harness.records.scene import EngineInertia, StateErrors
 from physics_crosscheck.harness.results.status import counted, percent
 from physics_crosscheck.reference.solving.segments import Motion
@@ -366,7 +367,22 @@ def _judgement(
             dynamics=dynamics,
             by_steps=steps,
         )
-    return _by_segments(task, loaded, stepping, dynamics)
+    judged = _by_segments(task, loaded, stepping, dynamics)
+    return _with_steps(task, compared, judged, motion)
+
+
+def _with_steps(
+    task: ModelTask[Prepared],
+    compared: SteppedModel | None,
+    judged: _Judgement,
+    motion: Motion | None,
+) -> _Judgement:
+    """Let single steps decide what the segments of short numbers leave open, if they do."""
+    is_open = judged.verdict.outcome is Outcome.UNRESOLVED
+    if compared is None or compared.model.epsilon <= EPSILON or not is_open:
+        return judged
+    steps = decide_by_steps(compared, judged.stepping, judged.dynamics, motion, COARSEST)
+    return judged if steps is None else replace(judged, verdict=steps.verdict)
 
 
 def stepped_model(

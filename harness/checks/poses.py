@@ -371,7 +371,9 @@ def _check_bodies(
     )
     q, points = target.samples.start[:, : len(target.names)], [False] * len(targets)
     owners = {one.name: one.body for one in shapes}
-    extent = MESH if any(one.kind == "mesh" for one in shapes) else 0.0
+    # Engines place bodies by their centers.
+    extent = max((float(np.linalg.norm(one.center)) for one in target.tree.links), default=0.0)
+    extent += MESH if any(one.kind == "mesh" for one in shapes) else 0.0
     check = _compared(frames, target.system.coordinates, points, q, unchecked, owners, extent)
     return _with_sizes(check, shapes, model.shapes)
 

@@ -157,7 +157,7 @@ def judge(
         reason = _below(component, place, judged_limit, resolution)
     elif judged_limit.unresolved_reason is not None:
         why = _why_coarse(limit, judged_limit, held)
-        reason = _unresolved(judged_limit, limit, place, component, claimed, resolution, why)
+        reason = _unresolved(judged_limit, limit, place, component, claimed, requested, why)
     elif judged_limit.largest_uncertainty > requested:
         reason = short_numbers(limit.epsilon, judged_limit.largest_uncertainty, requested)
     return CaseJudgement(
@@ -513,7 +513,8 @@ def with_dynamics(
         f"its accelerations{held}, at {counted(comparison.states, 'state')}, match the "
         f"equations to {resolved:.1e} of the largest; its motions: {verdict.reason}"
     )
-    return by_accelerations(kind="", reason=message)
+    resolution = max(resolution, judged.largest_uncertainty)
+    return by_accelerations(kind="", reason=message, resolution=resolution)
 
 
 def decided(

@@ -20,6 +20,7 @@ from physics_crosscheck.harness.modelfiles.numbers import ModelFile
 from physics_crosscheck.harness.modelfiles.readers import RobotError, robot_numbers
 from physics_crosscheck.harness.numerics.ladder import EPSILON
 from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.harness.numerics.stepping import ROUNDED_DIGITS
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.cause import Cause
 from physics_crosscheck.harness.records.finding import CLOSE, AuditFinding, Diagnosis, Explanation
@@ -227,12 +228,13 @@ def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
     task, model = run.task, run.way.model
     compiled = compiled_inertias(task.target.tree, model.inertias)
     links, causes = list(task.target.tree.links), list[Cause]()
+    same = max(SAME_INERTIA, ROUNDED_DIGITS * model.epsilon)
     names = {link: name for name, (link, _) in task.target.tree.frames.items()}
     for i, body in compiled.items():
         stated = inertia_of(links[i])
-        if inertia_difference(body, stated) > SAME_INERTIA:
+        if inertia_difference(body, stated) > same:
             links[i] = replace(links[i], **body._asdict())
-            causes += _read_causes(names[i], stated, body)
+            causes += _read_causes(names[i], stated, body, same)
     if not causes:
         return ()
     apart, uncertainty = _apart(run)
@@ -245,9 +247,11 @@ def _explained_by_compiled_bodies(run: FollowersRun) -> tuple[Explanation, ...]:
     return (Explanation(causes=tuple(causes), remaining=share),)
 
 
-def _read_causes(name: str, stated: SpatialInertia, body: SpatialInertia) -> Iterator[Cause]:
+def _read_causes(
+    name: str, stated: SpatialInertia, body: SpatialInertia, same: float
+) -> Iterator[Cause]:
     for what, first, other, off in inertia_differences(stated, body):
-        if off > SAME_INERTIA:
+        if off > same:
             yield Cause(
                 kind="taken",
                 subject=(f"{what} of {name}",),

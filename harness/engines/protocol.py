@@ -558,6 +558,7 @@ class Engine(ABC):
             at their drawn positions), `actuators` (whether they act), `controls` (held inputs) and
             `activations` (initial states of actuators, which then move).
         usual_mistakes: typical mistakes of its users that are not caused by a format.
+        unfollowed: kinds of advice about a file that are faults here, since another model moves.
         compilers: engines whose `compiled` reads a format, by suffix; set by the registry. An
             adapter that edits a file may use inertias that one of them compiles.
     """
@@ -583,6 +584,7 @@ class Engine(ABC):
     places: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
+    unfollowed: frozenset[str] = frozenset()
     compilers: Mapping[str, Engine] = MappingProxyType({})
 
     @abstractmethod

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.engines.protocol import Array, LoadedModel
-from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import COARSEST, Outcome
 from physics_crosscheck.reference.solving.next_state import Stepped
 from physics_crosscheck.reference.solving.segments import even_indices
 from .coordinates import CoordinateMap
 from .judgement import LimitVerdict, excess, judge
-from .ladder import floored
+from .ladder import EPSILON, floored
 from .rounding import with_companions
 from .stepping import ROUNDED_DIGITS, ROUNDING_MARGIN, is_linear
 
@@ -130,6 +130,8 @@ def forward_dynamics(
     if gaps is not None:
         defect, uncertainty = np.hstack([defect, gaps[0]]), np.hstack([uncertainty, gaps[1]])
         force_errors[EQUALITIES] = float(np.max(gaps[0]))
+    if model.epsilon > EPSILON:  # what the engine's numbers allow
+        resolution = max(resolution, min(COARSEST, float(uncertainty[returned].max())))
     verdict = judge(defect[returned], uncertainty[returned], resolution, None)
     column = verdict.component
     ratio = float("nan")

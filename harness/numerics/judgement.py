@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.records.case import CaseKind
-from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
+from physics_crosscheck.harness.records.outcome import COARSEST, ROUNDED, Outcome, differs
 from physics_crosscheck.reference.mechanism.numeric import Array
 from .ladder import EPSILON, ExtrapolatedLimit
 
@@ -103,11 +103,12 @@ def resolvable(limit: ExtrapolatedLimit, scale: Array, requested: float) -> floa
     """Return the requested resolution, or the finest that the engine's numbers allow.
 
     Doubles allow any resolution. With fewer digits, a limit is known to its rounding, and to the
-    random scatter of its estimates within it.
+    random scatter of its estimates within it. What is coarser than `COARSEST` decides nothing.
     """
     if limit.epsilon <= EPSILON:
         return requested
-    return max(requested, ROUNDED * float(np.max(limit.rounding / scale)))
+    allowed = ROUNDED * float(np.max(limit.rounding / scale))
+    return max(requested, min(allowed, COARSEST))
 
 
 def judge(

@@ -20,7 +20,7 @@ from physics_crosscheck.reference.solving.segments import even_indices
 from .coordinates import CoordinateMap
 from .judgement import LimitVerdict, judge
 from .ladder import EPSILON, movement
-from .rounding import Starts, quantization_error, with_companions, without_companions
+from .rounding import SHARED_DIGITS, Starts, quantization_error, with_companions, without_companions
 
 LATER_STEPS, LONG_RUN_STEPS = 10, 1000
 """Steps after which the difference is measured again."""
@@ -143,8 +143,12 @@ def step_engine(
         if not np.isfinite(expected).all():
             return None
         digit, rounding = run.digit(expected), run.rounding(took)
-        if rule.substeps is not None:  # each of them rounds the state
-            digit, rounding = (rule.substeps.count**0.5 * size for size in (digit, rounding))
+        if rule.substeps is not None:
+            # Each adds an increment that hardly changes, so half a last digit is lost alike each
+            # time. The digits add up, and act on the end like those of the start.
+            lost = rule.substeps.count / 2
+            digit *= 1 + lost / ROUNDED_DIGITS
+            rounding *= 1 + lost / (ROUNDING_MARGIN * SHARED_DIGITS)
         apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)
         defects = _defects(apart, movement(expected, states), digit, rounding)
         digits = float(np.max(apart / np.max(digit, axis=0)))

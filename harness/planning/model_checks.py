@@ -4,13 +4,14 @@ A worker calls the function of a check with a `ModelTask`. Functions are named b
 that planning imports no equations.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from msgspec.structs import replace
 
+from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.failure import Failure
 from physics_crosscheck.harness.records.baseline import Measurement
 from physics_crosscheck.harness.records.case import Case
@@ -22,12 +23,19 @@ from .options import Options
 from .prepared import TargetFacts, task_function
 
 
+def faults_here(findings: Sequence[AuditFinding], engine: str) -> tuple[AuditFinding, ...]:
+    """Return findings; advice about what an installed engine does not follow is a fault there."""
+    adapter = engines()[engine]
+    kinds = adapter.unfollowed if adapter.version() is not None else ()
+    return tuple(replace(one, severity="finding") if one.kind in kinds else one for one in findings)
+
+
 def add_audit(model: Model, value: Audit) -> Model:
     """Add findings, and poses and omissions if the audit has any."""
     coverage = model.coverage
     if value.left_out:
         coverage = replace(coverage or Coverage(), left_out=value.left_out)
-    audit = (*(model.audit or ()), *value.findings)
+    audit = (*(model.audit or ()), *faults_here(value.findings, model.engine))
     return replace(
         model,
         audit=audit,

@@ -16,7 +16,7 @@ from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
-from .model_checks import CASE, CHECKS, COVERAGE, DIAGNOSIS, ModelCheck
+from .model_checks import CASE, CHECKS, COVERAGE, DIAGNOSIS, ModelCheck, faults_here
 from .result_builder import Jobs
 from .target_plan import TargetPlan
 
@@ -53,7 +53,7 @@ class ModelPlan:
             folder=self._folder,
             text=text_of(self._file),
             sidecar="" if standalone else text_of(self._file.with_name(f"{self._file.name}.toml")),
-            audit=facts.findings if standalone else None,
+            audit=faults_here(facts.findings, self.key[-1]) if standalone else None,
             coverage=Coverage(left_out=facts.left_out) if standalone else None,
         )
         self._results.begin(model)

@@ -12,9 +12,10 @@ from physics_crosscheck.harness.modelfiles.choice import CaseSelection
 from physics_crosscheck.harness.paths import RESOLUTION
 from physics_crosscheck.harness.records.baseline import RobotOptions, Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
+from physics_crosscheck.harness.records.outcome import COARSEST
 from .cache import Cache
 
-RESOLVED = (1e-13, 1e-2)
+RESOLVED = (1e-13, COARSEST)
 """Range of resolutions that double precision can serve."""
 
 

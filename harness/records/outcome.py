@@ -10,6 +10,9 @@ FLOOR = 0.01
 It is a share of the component's movement in the system's other scenarios.
 """
 
+COARSEST = 1e-2
+"""Coarsest resolution of a verdict, requested or by the digits of an engine's numbers."""
+
 ROUNDED = 3.5
 """Smallest uncertainty of an extrapolated limit, as a multiple of its rounding.
 

@@ -5,6 +5,10 @@ from pathlib import Path
 import pytest
 
 from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.checks.plausibility.usd import repaired
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.modelfiles.usd import read
+from physics_crosscheck.harness.planning.model_checks import faults_here
 from physics_crosscheck.records import AuditFinding
 from tests.robots.usd import edited, read_usd
 
@@ -36,6 +40,7 @@ SOUND = edited(
 )  # fmt: skip
 BINDING = "            rel material:binding:physics = </arm/rubber>\n"
 TENSOR = "        double[] newton:inertia = [0.0035, 0.003, 0.0011, 0, 0, 0]\n"
+ZERO = "        double[] newton:inertia = [0, 0, 0, 0, 0, 0]\n"
 ROOT, BODY = '"PhysicsArticulationRootAPI"', ' "base" (prepend apiSchemas = ['
 SCALED = """{
     double3 xformOp:scale = (1, 1, 2)
@@ -45,6 +50,28 @@ SCALED = """{
 def advice(folder: Path, *edits: tuple[str, str]) -> list[AuditFinding]:
     findings = plausibility_findings(read_usd(folder, edited(*edits, text=SOUND)))
     return [one for one in findings if one.severity == "advice"]
+
+
+def test_a_freed_root_is_a_fault_where_an_installed_engine_frees_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
+    findings = advice(tmp_path, *on_body)
+    for engine, version, severity in (
+        ("newton", "1.8", "advice"), ("physx", None, "advice"), ("physx", "0.7", "finding"),
+    ):  # fmt: skip
+        monkeypatch.setattr(type(engines()[engine]), "version", lambda self, one=version: one)
+        assert faults_here(findings, engine)[0].severity == severity
+
+
+def test_repairs_roots_and_quaternions_in_a_layer(tmp_path: Path) -> None:
+    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
+    findings = advice(tmp_path, *on_body, ("Axes = (1, 0", "Axes = (0.5, 0.5"))
+    assert {one.code for one in findings} == {"XC187", "XC192"}
+    layer = tmp_path / "arm.fixed.usda"
+    layer.write_text(repaired(tmp_path / "arm.usda", findings))
+    assert "@./arm.usda@" in layer.read_text()
+    assert [*plausibility_findings(read(layer, {}))] == []
 
 
 def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
@@ -57,6 +84,7 @@ def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
         ("XC187", 14, None, None, [
             (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")]),
         ("XC188", 30, None, 0.0, [("mass = 0.75\n", "mass = 0\n")]),
+        ("XC188", 32, None, 0.75, [(LOWER, "(0, 0, 0)\n" + ZERO)]),
         ("XC189", 61, 1.74533, 100, [("stiffness = 0.5", "stiffness = 100")]),
         ("XC190", 57, 0.00174533, 0.1, [("newton:damping = 0.0017453293", "newton:damping = 0.1")]),
         ("XC190", 32, 0.0011, 0.001, [(SHAPE, TENSOR + SHAPE)]),

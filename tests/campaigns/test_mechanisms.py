@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from campaigns import usd_trees
 from campaigns.mechanisms import __main__ as command
 from campaigns.mechanisms import census, truth
 from campaigns.mechanisms.census import CensusOptions, study
@@ -75,6 +76,11 @@ def test_file_has_the_numbers_of_the_mechanism(index: int) -> None:
         assert np.array_equal(np.concatenate([z, w], axis=1), states)
         if mechanism.format == MJCF:
             assert np.array_equal(model.home, [link.reference for link in mechanism.links])
+
+
+def test_usd_files_in_random_representations_are_read_right() -> None:
+    pytest.importorskip("pxr")
+    assert usd_trees.main(["--count", "4", "--seed", "2"]) == 0
 
 
 def test_draws_differ_and_are_reproducible() -> None:

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import EngineError, LoadedModel, ModelSpec
+from physics_crosscheck.harness.checks.case import run_case
+from physics_crosscheck.harness.checks.poses import case_poses
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.numerics.forward_dynamics import forward_dynamics
 from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.solving.next_state import SteppedBodies
 from tests.engines.extras import need
 from tests.models import written
@@ -105,6 +108,17 @@ def test_next_states_and_accelerations_match_the_equations(
         assert result.judgement.largest_discrepancy < largest
 
 
+def test_bodies_at_the_origin_are_where_the_file_puts_them(tmp_path: Path) -> None:
+    need("physx")
+    hinge = TREE.partition('def Xform "b_link"')[0] + HINGE.format(*JOINTS[0]) + "}\n"
+    edits = ("(0.1, 0.05, -0.2)", "(0, 0, 0)"), ("(0.05, -0.03, -0.1)", "(0.1, 0.2, 0.33)")
+    path = written(tmp_path, "r.usda", hinge, *edits)
+    task = model_task(prepare_tree(path, states=8), "physx")
+    check = case_poses(task, *task.load())
+    assert check is not None
+    assert check.findings == ()  # rounding about centers that are 0.4 m away
+
+
 def motion(model: LoadedModel, h: float = 1e-3, n: int = 1, speed: float = 1.0) -> np.ndarray:
     """Return velocities after some steps from the same state."""
     z = model.home[None] + 0.2
@@ -124,6 +138,8 @@ def test_articulation_root_on_the_base_frees_it_and_a_setting_moves_it(tmp_path:
     assert moved.corrective_settings == {}
     assert np.array_equal(motion(moved), motion(right))
     assert not np.array_equal(motion(freed), motion(right))
+    case = run_case(model_task(prepare_tree(written(tmp_path, "r.usda", TREE, *ON_BODY)), "physx"))
+    assert case.outcome is Outcome.UNRESOLVED
 
 
 @pytest.mark.parametrize(("setting", "value", "speed", "edits"), [

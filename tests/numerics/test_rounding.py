@@ -279,6 +279,7 @@ def test_correct_model_agrees_to_single_precision(bench: MakeBench) -> None:
     assert "24 binary digits" in judgement.reason
     assert f"known to {judgement.largest_uncertainty:.1e}" in judgement.reason
     assert judgement.largest_uncertainty <= resolvable(result.limit, scale, 1e-9) < 2e-4
+    assert resolvable(result.limit, scale / 1e4, 1e-9) == 1e-2  # half a digit is no agreement
 
 
 def test_stiffness_off_by_a_thousandth_differs(bench: MakeBench) -> None:

@@ -29,6 +29,7 @@ from physics_crosscheck.harness.numerics.forward_dynamics import (
 )
 from physics_crosscheck.harness.numerics.stepping import StepComparison, step_engine
 from physics_crosscheck.records import Case, Outcome
+from physics_crosscheck.reference.mechanism.laws import Substeps
 from physics_crosscheck.reference.solving.next_state import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.models import robot_task
@@ -274,8 +275,33 @@ class SinglePrecision(SymplecticEuler):
         return z.astype(float), w.astype(float)
 
 
-def test_single_precision_is_not_a_wrong_step_rule(bench: MakeBench) -> None:
-    rig = bench(SinglePrecision())
+@dataclass
+class ManySubsteps(SinglePrecision):
+    """Single precision in 255 substeps of 0.4 us, each of which adds a few last digits."""
+
+    step: float = 1e-4
+
+    @property
+    def step_rule(self) -> StepRule:
+        names = "stiffness", "damping", "target", "speed", "passive"
+        none, free = dict.fromkeys(names, np.zeros(1)), np.array([np.inf])
+        law = Substeps(count=255, repeats=0, order=(0,), effort=free, **none)
+        return StepRule(scheme="semi-implicit Euler", substeps=law)
+
+    def stepped(self, q: Any, v: Any, push: Any, h: float) -> Any:
+        q, v, dt = np.float32(q), np.float32(v), np.float32(h / 255)
+        gained = dt * np.float32((push - self.stiffness * q) / self.mass)
+        for _ in range(255):
+            v = v + gained
+            q = q + dt * v
+        return q, v
+
+
+@pytest.mark.parametrize("single", [SinglePrecision(), ManySubsteps(damping=0.0)])
+def test_single_precision_is_not_a_wrong_step_rule(
+    bench: MakeBench, single: SinglePrecision
+) -> None:
+    rig = bench(single, damping=single.damping)
     motion, equations = rig.motion, SteppedEquations(rig.equations)
     inputs = motion.inputs(motion.t)
     result = step_engine(rig.model, rig.coordinates, equations, motion.start, inputs, 1e-9)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.harness.documents.usd import layer_lines
+from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.parts import named_files
 from physics_crosscheck.harness.modelfiles.readers import read_robot, robot_system
 from physics_crosscheck.harness.modelfiles.robot import Robot
@@ -156,6 +157,11 @@ def test_unset_masses_follow_from_shapes(
     if moments:
         ratio = np.array(link.inertia[:3]) / link.inertia[0] * moments[0]
         assert ratio == pytest.approx(np.array(moments) * (1, 1, 1), rel=0.01)
+
+
+def test_a_negative_mass_is_named_as_one(tmp_path: Path) -> None:
+    robot = read_usd(tmp_path, edited(("mass = 0.75", "mass = -0.75")))
+    assert [one.kind for one in impossible_inertias(robot)][:1] == ["negative mass"]
 
 
 def test_each_number_has_its_layer_prim_and_line(tmp_path: Path) -> None:

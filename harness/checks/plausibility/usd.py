@@ -7,8 +7,10 @@ and `physx*:`. A value that no layer states has a fallback that means something.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +20,7 @@ from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.modelfiles.usd.masses import rotation_of
 from physics_crosscheck.harness.modelfiles.usd.read import StageTree, UsdJoint
 from physics_crosscheck.harness.records.base import SourceLine
-from physics_crosscheck.harness.records.finding import PlausibilityKind
+from physics_crosscheck.harness.records.finding import AuditFinding, PlausibilityKind
 from physics_crosscheck.harness.results.status import counted, listed
 from ..findings import finding
 from .facts import Advice
@@ -112,15 +114,47 @@ def _has(prim: Any, schema: str) -> bool:
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
     """Yield articulation roots on the body of a fixed base."""
     for joint in facts.joints:
-        bodies = [facts.stage.bodies[end] for end in joint.ends if end]
-        is_held = joint.kind == "fixed" and len(bodies) == 1
-        if is_held and _has(body := bodies[0], "PhysicsArticulationRootAPI"):
+        body = facts.stage.bodies[next(end for end in joint.ends if end)]
+        if _fixes(facts.stage, joint, body) and _has(body, "PhysicsArticulationRootAPI"):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
                 f"{joint.prim.GetPath()} fixes to the world: engines simulate a free base and an "
                 "outer joint. Apply PhysicsArticulationRootAPI to that joint, or above the body"
             )
             yield facts.advice("articulation root", [body], message)
+
+
+def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
+    """Return a layer over a stage that repairs roots and quaternions; empty without any of them.
+
+    It moves articulation roots of fixed bases to their joints, and normalizes quaternions.
+    """
+    stage = UsdStage(file, {})
+    joints, session = StageFacts(stage).joints, stage.stage.GetSessionLayer()
+    with stage.pxr.Usd.EditContext(stage.stage, session):
+        for fault in findings:
+            prim = stage.stage.GetPrimAtPath(fault.subject[0])
+            if fault.kind == "articulation root":
+                base = next(joint.prim for joint in joints if _fixes(stage, joint, prim))
+                for name in prim.GetAppliedSchemas():
+                    if "Articulation" in name and base.AddAppliedSchema(name):
+                        prim.RemoveAppliedSchema(name)
+                for member in prim.GetAuthoredAttributes():
+                    if "rticulation" in (name := member.GetName()):
+                        base.CreateAttribute(name, member.GetTypeName()).Set(member.Get())
+            elif fault.kind == "quaternion" and not prim.IsInstanceProxy():
+                turn = prim.GetAttribute(fault.subject[1])
+                turn.Set(turn.Get().GetNormalized())
+    layer = stage.pxr.Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(session)
+    text = stage.over_file(layer)
+    return text.replace(os.path.abspath(file), f"./{file.name}") if layer.rootPrims else ""
+
+
+def _fixes(stage: UsdStage, joint: UsdJoint, body: Any) -> bool:
+    """Return whether a joint fixes a body to the world."""
+    ends = [stage.bodies[end] for end in joint.ends if end]
+    return joint.kind == "fixed" and ends == [body]
 
 
 def unset_masses(facts: StageFacts) -> UsdAdvice:
@@ -135,6 +169,9 @@ def unset_masses(facts: StageFacts) -> UsdAdvice:
         if mass == 0:
             what = "the mass 0, which means that it is not stated"
             how = "compute it from the density of its shapes" if body in solid else how
+        elif mass and not any(moments or ()) and tensor and not any(tensor):
+            what = "the moments 0, which mean in UsdPhysics that they are not stated"
+            how = "compute them from its shapes, or take 0" if body in solid else how
         elif body in solid or (mass and (any(moments or ()) or tensor)):
             continue
         else:
@@ -144,7 +181,7 @@ def unset_masses(facts: StageFacts) -> UsdAdvice:
             f"body {quote(body.GetName())} has {what}: engines {how}, or invent numbers, such as"
             " 1 kg. State physics:mass and physics:diagonalInertia, or join it to its parent"
         )
-        name = "" if mass is None else "physics:mass"
+        name = "" if mass is None else MOMENTS if tensor and mass else "physics:mass"
         yield facts.advice("unset mass", [body], message, name, actual=mass)
 
 

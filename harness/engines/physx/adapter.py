@@ -102,6 +102,7 @@ class PhysxEngine(UrdfEngine):
     formats = USD_SUFFIXES
     takes_springs = ()
     switches = frozenset({"smooth", "held"})
+    unfollowed = frozenset({"articulation root"})
     non_physical: Mapping[str, str] = MappingProxyType({})
     defaults = DEFAULTS
     capabilities = (

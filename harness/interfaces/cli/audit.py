@@ -13,7 +13,8 @@ from msgspec import structs
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
-from physics_crosscheck.harness.documents.reading import apply_edits, read_regular
+from physics_crosscheck.harness.checks.plausibility.usd import repaired
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES, apply_edits, read_regular
 from physics_crosscheck.harness.modelfiles.folders import (
     FORMATS,
     FolderError,
@@ -130,7 +131,7 @@ def _concise(model: ModelAudit) -> Iterator[str]:
 def fix(model_audits: Iterable[ModelAudit]) -> bool:
     """Write the numbers that findings state into their files, print the change; return if any.
 
-    A file that has changed since it was read stays as it is.
+    A file that has changed since it was read stays as it is, and so does USD, below a new layer.
     """
     repairs: dict[str, dict[tuple[int, int], tuple[str, str]]] = {}
     for finding in chain.from_iterable(model.findings for model in model_audits):
@@ -138,6 +139,12 @@ def fix(model_audits: Iterable[ModelAudit]) -> bool:
         if finding.replacement and where is not None and where.span is not None:
             repairs.setdefault(where.file, {})[where.span] = where.text, finding.replacement
     fixed = False
+    for target, findings in {one.target: one.findings for one in model_audits}.items():
+        text = repaired(target, findings) if target.suffix in USD_SUFFIXES else ""
+        if text:
+            layer = target.with_suffix(".fixed.usda")
+            write_whole(layer, text.encode())
+            print(f"wrote {shown_path(str(layer))}, a layer over {target.name}")
     for file, spans in repairs.items():
         before, name = read_regular(Path(file)), shown_path(file)
         if any(before[slice(*span)] != old.encode() for span, (old, _) in spans.items()):

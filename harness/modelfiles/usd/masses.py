@@ -43,7 +43,7 @@ def _stated(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, Arr
     placed = center * stage.world(prim)[1] * stage.unit if is_stated else None
     tensor = _tensor(stage, prim)
     scaled = None if tensor is None else tensor * stage.mass_unit * stage.unit**2
-    return (mass * stage.mass_unit if mass > 0 else None), placed, scaled
+    return (mass * stage.mass_unit if mass else None), placed, scaled
 
 
 def _tensor(stage: UsdStage, prim: Any) -> Array | None:
