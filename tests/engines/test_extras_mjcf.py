@@ -40,14 +40,6 @@ def test_file_sets_step_gravity_and_zero_unless_the_sidecar_does(name: str, tmp_
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_flag_disables_gravity(name: str, tmp_path: Path) -> None:
-    path = write(tmp_path, ARM, '<option><flag gravity="disable"/></option>')
-    model = mjcf(name, path)
-    assert model.gravity == (0.0, 0.0, 0.0)
-    assert off(model, mjcf("mujoco", path)) < 1e-14
-
-
-@pytest.mark.parametrize("name", PARTIAL_READERS)
 @pytest.mark.parametrize(("setting", "more", "extra"), [
     ("springs", 'stiffness="3" springref="0.2"', ""),
     ("tendons", "", TENDON.format('stiffness="3" damping="0.2" springlength="0.1"') + "</tendon>"),

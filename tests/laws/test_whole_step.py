@@ -98,6 +98,10 @@ RIGHT = {
     "undamped contact": TOUCH[3].replace("-3000 -60", "-3000 0"),
     "undamped limit": LIMITS.replace("-800 -30", "-800 0"),
     "limit without stiffness": LIMITS.replace("-800 -30", "0 -30"),
+    "time constant below two steps": LIMITS.replace("-800 -30", ".003 1"),
+    "the same, not raised to them": LIMITS.replace("-800 -30", ".003 1").format(
+        '><flag refsafe="disable"/></option><option'
+    ),
     "controls that nothing limits": DRIVES.format("><flag clampctrl='disable'/></option><option"),
 }
 

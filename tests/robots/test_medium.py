@@ -2,14 +2,9 @@
 
 from pathlib import Path
 
-import mujoco
-import numpy as np
 import pytest
 
 from physics_crosscheck.records import Outcome
-from physics_crosscheck.reference.dynamics.force_elements import Immersion
-from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
 from tests.robots.planted import PreparedFile, prepare_file, tree_of
 
 EEL = """<mujoco model="eel">
@@ -40,20 +35,6 @@ def test_bodies_in_a_wind_agree(eel: PreparedFile) -> None:
     """Cover a welded body with its separate box, and a box with products of inertia."""
     assert eel.outcome(integrator="implicit") == (Outcome.AGREES, "")
     assert not [one for one in eel.left_out if "medium" in one]
-
-
-def test_fluid_forces_match_the_engine(eel: PreparedFile) -> None:
-    tree = tree_of(eel.file)
-    model = mujoco.MjModel.from_xml_path(str(eel.file))
-    data = mujoco.MjData(model)
-    rng = np.random.default_rng(3)
-    immersion = Immersion(tree, Recursion(tree))
-    for _ in range(5):
-        data.qpos[:] = MinimalCoordinates(tree).positions(rng.normal(size=(4, 1)))[:, 0]
-        data.qvel[:] = rng.normal(size=4)
-        mujoco.mj_forward(model, data)
-        forces = immersion.forces(data.qpos.copy(), data.qvel.copy())
-        assert forces == pytest.approx(data.qfrc_fluid, rel=1e-12, abs=1e-14)
 
 
 def test_error_of_a_millionth_in_the_medium_differs(eel: PreparedFile) -> None:

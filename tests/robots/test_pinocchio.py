@@ -132,16 +132,8 @@ def test_commas_are_read_as_blanks(tmp_path: Path) -> None:
     assert differences(pinocchio.buildModelFromUrdf(str(path)), tree).max() < CLOSE
 
 
-def test_invalid_limit_is_reported_with_its_line() -> None:
-    robot = read_urdf_robot(FOLDER / "biped/biped2d_pybullet.urdf")
-    assert {one.line for one in robot.obstacles} == {115, 146, 177, 208}
-    assert "'-1.57.'; expected a finite number" in robot.obstacles[0].sentence
-    with pytest.raises(ValueError, match="valid URDF"):
-        pinocchio.buildModelFromUrdf(str(robot.file))
-
-
 @pytest.mark.parametrize(
-    "name", ["a1/a1.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf", "r2d2.urdf"]
+    "name", ["laikago/laikago.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf"]
 )
 def test_equations_of_a_floating_robot_match_pinocchio(name: str) -> None:
     tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
@@ -186,10 +178,3 @@ def test_equations_of_a_compiled_robot_match_pinocchio(name: str) -> None:
         fluid=None,
     )
     assert differences(rebuild(plain), plain).max() < CLOSE
-
-
-@pytest.mark.parametrize("name", ["a1/a1.urdf", "laikago/laikago.urdf", "quadruped/minitaur.urdf"])
-def test_equations_of_a_floating_quadruped_match_pinocchio(name: str) -> None:
-    tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
-    model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
-    assert differences(model, tree).max() < CLOSE

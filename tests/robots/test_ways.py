@@ -1,15 +1,10 @@
 """Force paths of robot files, and the formats that robots are read from."""
 
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles import folders, readers
-from physics_crosscheck.harness.modelfiles.folders import FORMATS, Format
-from physics_crosscheck.harness.modelfiles.robot import refused
-from physics_crosscheck.harness.modelfiles.robot_targets import robot_files, robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.records import Outcome
 from tests.robots.planted import PreparedFile, prepare_file
 
@@ -184,23 +179,6 @@ def test_unsupported_tendons_are_disabled_and_reported(tmp_path: Path, feature: 
     prepared = prepare_file(tmp_path, text.replace("<worldbody>", f"<worldbody>{drum}"))
     assert prepared.accelerations() is Outcome.AGREES
     assert feature in prepared.left_out
-
-
-def test_registered_format_is_read_by_its_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    package = f"{readers.__package__}.toy"
-    toy = SimpleNamespace(read=lambda file, _: refused(file, "toy", ()), numbers=lambda *_: "toy")
-    monkeypatch.setitem(sys.modules, package, toy)
-    monkeypatch.setitem(FORMATS, ".toy", Format(package="toy", is_xml=False, head=rb"links"))
-    file, other = tmp_path / "arm.toy", tmp_path / "notes.toy"
-    file.write_text('{"links": []}')
-    other.write_text("{}")
-    assert robot_files([str(file)]).files == [file]
-    assert robots_below(tmp_path) == [file]
-    assert folders.syntax_problem(file) == ""
-    assert readers.read_robot(file).name == "toy"
-    assert str(readers.robot_numbers(file, {})) == "toy"
 
 
 def test_include_file_is_not_listed_as_a_robot(tmp_path: Path) -> None:
