@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.engine import EngineError, ModelSpec
-from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.engines.source import temporary_file
 from physics_crosscheck.harness.engines.urdf import load_urdf
 from tests.models import written
 
@@ -220,11 +218,3 @@ def test_mimic_with_multiplier_zero_is_rejected(tmp_path: Path) -> None:
     follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
     with pytest.raises(EngineError, match="multiplier 0"):
         notes("pybullet", GOOD.replace(*added(f'<link name="b">{BODY}</link>{follower}')), tmp_path)
-
-
-def test_errors_of_a_rewritten_copy_name_the_original_file(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    root = XmlElement("robot")
-    with pytest.raises(RuntimeError) as error, temporary_file(root.written(), path) as copy:
-        raise RuntimeError(f"{copy}:3: no mass")
-    assert str(error.value) == f"{path}:3: no mass"

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge, unresolved_reason
+from physics_crosscheck.harness.numerics.judgement import UnresolvedReason, judge
 from physics_crosscheck.harness.numerics.ladder import (
     RUNGS,
-    ExtrapolatedLimit,
     exact_weights,
     limits,
     observed_order,
@@ -212,32 +211,6 @@ def test_unresolved_reason_makes_the_uncertainty_infinite() -> None:
     assert (result.segment, result.component) == (1, 1)
     assert result.discrepancy == result.largest_discrepancy == 1e-3
     assert result.uncertainty == result.largest_uncertainty == np.inf
-
-
-@pytest.mark.parametrize(
-    ("first", "converges", "confirmed", "why"),
-    [
-        (0.0, False, False, UnresolvedReason.STANDS_STILL),
-        (1.0, False, False, UnresolvedReason.DIVERGES),
-        (1.0, True, False, UnresolvedReason.WRONG_ORDER),
-        (1.0, True, True, None),
-    ],
-)
-def test_most_severe_unresolved_reason_is_reported(
-    first: float, converges: bool, confirmed: bool, why: UnresolvedReason | None
-) -> None:
-    limit = ExtrapolatedLimit(
-        value=np.zeros((1, 2)),
-        uncertainty=np.zeros((1, 2)),
-        rungs=(2, 3),
-        increments=np.array([first]),
-        order=1.0,
-        order_confirmed=confirmed,
-        converges=converges,
-        rounding=np.zeros((1, 2)),
-        epsilon=EPSILON,
-    )
-    assert unresolved_reason(limit) is why
 
 
 @pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
