@@ -22,7 +22,6 @@ from physics_crosscheck.reference.solving.integrate import (
     ReferenceError,
     by_runge_kutta,
     solve_numerically,
-    trajectory,
 )
 from physics_crosscheck.reference.solving.segments import Motion
 from physics_crosscheck.reference.solving.solve import augmented, solve
@@ -32,7 +31,6 @@ from tests.reference.mechanisms import (
     LINEAR,
     NAMES,
     SCENARIOS,
-    built_in,
     equations_of,
     motion_of,
     oscillator,
@@ -185,22 +183,6 @@ def test_rounding_below_the_accepted_difference_is_no_failure() -> None:
 
     end, _ = collocate(field, np.zeros(1), np.array([[1.0, 0.5]]), 0.1, ["hip", "hip_dot"])
     np.testing.assert_allclose(end, np.exp(-0.1) * np.array([[1.0, 0.5]]), rtol=1e-10)
-
-
-@pytest.mark.parametrize("name", ["drum_pendulum", "mass_spring_damper", "torsional_disc"])
-def test_trajectory_stops_at_breaks_of_its_input(name: str) -> None:
-    """Compare a full run in pieces with the segments, for any requested times."""
-    system, equations = built_in(name), equations_of(name)
-    scenario = next(
-        (s for s in system.scenarios if len(pieces(system, s)) > 1), system.scenarios[0]
-    )
-    motion = motion_of(name, scenario.name)
-    signals = pieces(system, scenario)
-    times = np.linspace(0.0, scenario.duration, 7)
-    states = trajectory(equations, motion.start[0], signals, times)
-    gap = np.max(np.abs(states - motion.states_at(times)), axis=0)
-    # DOP853 at 1e-13 a step over 10 s, its dense output of order 7 at 1e-11.
-    assert np.all(gap <= 1e-10 * np.maximum(sizes(motion), 1e-3))
 
 
 MOTIONS = [(name, scenario) for name, scenario in SCENARIOS if name in LINEAR]

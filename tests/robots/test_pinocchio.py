@@ -20,27 +20,15 @@ pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet
 FOLDER = Path(pybullet_data.getDataPath())
 
 ROBOTS = {
-    "TwoJointRobot_w_fixedJoints.urdf": 2,
-    "TwoJointRobot_wo_fixedJoints.urdf": 2,
     "a1/a1.urdf": 12,
-    "aliengo/aliengo.urdf": 12,
     "cartpole.urdf": 2,
-    "cube_no_rotation.urdf": 4,
     "differential/diff_ring.urdf": 5,
     "franka_panda/panda.urdf": 9,
     "kuka_iiwa/model.urdf": 7,
     "laikago/laikago.urdf": 12,
-    "laikago/laikago_toes_zup.urdf": 12,
-    "mini_cheetah/mini_cheetah.urdf": 12,
-    "pendulum5.urdf": 5,
     "quadruped/minitaur.urdf": 16,
-    "quadruped/minitaur_rainbow_dash_v1.urdf": 20,
-    "quadruped/spirit40newer.urdf": 12,
-    "quadruped/vision60.urdf": 12,
     "r2d2.urdf": 8,
     "racecar/racecar.urdf": 6,
-    "racecar/racecar_differential.urdf": 14,
-    "xarm/xarm6_robot.urdf": 6,
     "xarm/xarm6_with_gripper.urdf": 12,
 }
 QUICK = {"a1/a1.urdf", "cartpole.urdf", "kuka_iiwa/model.urdf", "r2d2.urdf", "racecar/racecar.urdf"}
