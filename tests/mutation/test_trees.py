@@ -22,7 +22,6 @@ from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
 from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from physics_crosscheck.harness.records.read import decoded
 from physics_crosscheck.harness.records.write import encoded
-from physics_crosscheck.harness.render.terminal.progress import Counter
 from physics_crosscheck.harness.run import Options
 from physics_crosscheck.records import Mutation, Mutations
 from tests.models import written
@@ -265,20 +264,6 @@ def test_json_has_every_row_and_no_infinity() -> None:
     untested = next(r for r in data["rows"] if r["location"] == "joint[x]@range[0]")
     assert untested["first_caught"] is None
     assert data["summary"] == summary(ROWS)
-
-
-def test_progress_without_a_terminal_is_a_line_every_few_seconds(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    now = [0.0]
-    with Counter("fault", "planting", clock=lambda: now[0]) as counter:
-        counter(1, 0, None)  # the total is not known yet
-        for done in range(2, 201):
-            now[0] += 0.25
-            counter(done, 200, None)
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 9
-    assert lines[0] == "planting: 21 of 200 faults done (10 %)"
 
 
 @pytest.mark.parametrize(

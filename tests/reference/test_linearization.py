@@ -11,7 +11,6 @@ from physics_crosscheck import Coordinate, Equilibrium, Input, Output, System
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.dynamics.linearize import (
     TaylorLinearization,
-    classify,
     damped_shapes,
     evaluate_transfer,
     linearize,
@@ -275,14 +274,6 @@ def test_output_that_sees_a_velocity_brings_an_s() -> None:
     m, k1, k2, k3 = (c.symbol for c in system.constants)
     first, second = m * s**2 + k1 + k3, m * s**2 + k2 + k3
     assert sp.simplify(functions[1, 0] - s * k3 / (first * second - k3**2)) == 0
-
-
-@pytest.mark.parametrize(
-    ("inputs", "outputs", "kind"),
-    [(1, 1, "SISO"), (1, 2, "SIMO"), (2, 2, "MIMO"), (3, 1, "MISO"), (0, 2, "autonomous")],
-)
-def test_system_is_classed_by_its_inputs_and_outputs(inputs: int, outputs: int, kind: str) -> None:
-    assert classify(inputs, outputs) == kind
 
 
 def test_system_without_inputs_is_linearized() -> None:
