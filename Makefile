@@ -28,7 +28,7 @@ pytest: .venv/.test
 # Whole files and matrices, each five seconds and more. Files without such tests are not imported;
 # the longest are dealt first.
 LONG := $(wildcard $(addprefix tests/,cases/test_events.py laws/test_whole_step.py \
-	laws/test_mistakes.py faults/test_real_engines.py scaffold/test_new_bodies.py \
+	laws/test_mistakes.py scaffold/test_new_bodies.py \
 	diagnosis/test_random_draws.py schedule/test_cluster.py))
 marked = $(shell grep -rl --include 'test_*.py' 'mark\.$(1)' tests)
 test-slow: .venv/.test

@@ -138,7 +138,7 @@ def answer(engine: str, root: ElementTree.Element, path: Path) -> tuple[str, str
         ]  # fmt: skip
         return "links", "; ".join(other[:4]) or "as stated"
     order, matrix = held
-    own = urdf_mass(path, {name: q[name] for name in order})
+    own = urdf_mass(path, {name: q[name] for name in order}, np.array([]))
     worst = np.abs(np.array(matrix) - own).max(axis=1) / np.abs(own).max(axis=1)
     return "mass", f"{worst.max():.1e} at {order[int(worst.argmax())]}"
 
@@ -149,7 +149,7 @@ def rate(root: ElementTree.Element, path: Path) -> str:
     largest, joint = 0.0, ""
     for seed in range(5):
         draw = np.random.default_rng(seed).uniform(-1, 1, len(joints))
-        mass = urdf_mass(path, dict(zip(joints, draw.tolist(), strict=True)))
+        mass = urdf_mass(path, dict(zip(joints, draw.tolist(), strict=True)), np.array([]))
         dampers = (one.find("dynamics") for one in joints.values())
         damping = [0.0 if one is None else float(one.get("damping", 0)) for one in dampers]
         rates, vectors = np.linalg.eig(np.linalg.solve(mass, np.diag(damping)))

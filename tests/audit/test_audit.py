@@ -172,39 +172,53 @@ def test_edit_is_reported_by_its_kinds(
     assert all(place is not None and place.line for place in limits)
 
 
-def test_wrong_nonlinear_term_is_reported_at_random_states(tmp_path: Path) -> None:
-    """Catch a fault that no linearization shows: a spring that stiffens far from rest."""
+class Stiffening(LoadedModel):
+    """The pendulum with a spring that stiffens far from rest."""
 
-    class Stiffening(LoadedModel):
-        coordinates, step, integrator = ("theta",), 0.002, "euler"
+    coordinates, step, integrator = ("theta",), 0.002, "euler"
 
-        def exponents(self, varying_input: bool) -> tuple[int, int]:
-            return 1, 1
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        return 1, 1
 
-        def rollout(
-            self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-        ) -> tuple[Array, Array]:
-            places, speeds = [], []
-            for i in range(n):
-                assert not isinstance(force, StateForce)
-                push = 0.0 if force is None else force[:, i]
-                far = np.where(np.abs(q) > 0.8, 0.1, 0.0)
-                v = v + h * (-(9.81 / 0.75) * np.sin(q) - far + push / (0.45 * 0.75**2))
-                q = q + h * v
-                places.append(q)
-                speeds.append(v)
-            return np.stack(places, axis=1), np.stack(speeds, axis=1)
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        places, speeds = [], []
+        for i in range(n):
+            assert not isinstance(force, StateForce)
+            push = 0.0 if force is None else force[:, i]
+            far = np.where(np.abs(q) > 0.8, 0.1, 0.0)
+            v = v + h * (-(9.81 / 0.75) * np.sin(q) - far + push / (0.45 * 0.75**2))
+            q = q + h * v
+            places.append(q)
+            speeds.append(v)
+        return np.stack(places, axis=1), np.stack(speeds, axis=1)
 
+
+class Stepwise(Stiffening):
+    """An engine whose accelerations depend on the step."""
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        assert not isinstance(force, StateForce)
+        pushed = 0.0 if force is None else force[:, 0]
+        rates = np.stack([v + (i + 1) * h * (np.sin(1 / h) + pushed) for i in range(n)], axis=1)
+        return np.repeat(q[:, None], n, axis=1), rates
+
+
+def compiled_findings(model: LoadedModel) -> list[AuditFinding]:
+    """Return the findings of a model of the pendulum, about its first equilibrium."""
     sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
     task = model_task(prepared("simple_pendulum"), "mujoco", sidecar)
     task = task.with_target(equilibria=task.target.equilibria[:1])
-    model = Stiffening()
-    findings = list(
-        Compiled.prepare(
-            task, model, coordinate_map(task.target.system, sidecar, ("theta",))
-        ).findings()
-    )
-    assert [f.kind for f in severe(findings)] == ["acceleration"]
+    map_ = coordinate_map(task.target.system, sidecar, ("theta",))
+    return list(Compiled.prepare(task, model, map_).findings())
+
+
+def test_wrong_nonlinear_term_is_reported_at_random_states() -> None:
+    """Catch a fault that no linearization shows."""
+    assert [f.kind for f in severe(compiled_findings(Stiffening()))] == ["acceleration"]
 
 
 def test_findings_survive_json_and_print_as_lines(audit_copy: AuditCopy, tmp_path: Path) -> None:
@@ -221,27 +235,7 @@ def test_findings_survive_json_and_print_as_lines(audit_copy: AuditCopy, tmp_pat
 
 
 def test_accelerations_without_limit_are_unresolved() -> None:
-    """Use an engine whose accelerations depend on the step."""
-
-    class Stepwise(LoadedModel):
-        coordinates, step, integrator = ("theta",), 0.002, "euler"
-
-        def exponents(self, varying_input: bool) -> tuple[int, int]:
-            return 1, 1
-
-        def rollout(
-            self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-        ) -> tuple[Array, Array]:
-            assert not isinstance(force, StateForce)
-            pushed = 0.0 if force is None else force[:, 0]
-            rates = np.stack([v + (i + 1) * h * (np.sin(1 / h) + pushed) for i in range(n)], axis=1)
-            return np.repeat(q[:, None], n, axis=1), rates
-
-    sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
-    task = model_task(prepared("simple_pendulum"), "mujoco", sidecar)
-    map_ = coordinate_map(task.target.system, sidecar, ("theta",))
-    model = Stepwise()
-    findings = list(Compiled.prepare(task, model, map_).findings())
+    findings = compiled_findings(Stepwise())
     assert "can't resolve the accelerations at" in messages(findings, "unresolved", "note")
     assert messages(findings, "acceleration") == ""
 

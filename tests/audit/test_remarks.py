@@ -92,48 +92,6 @@ def line_with(file: Path, text: str) -> int:
     return number
 
 
-def test_joint_is_located_despite_a_comment_or_namesake(
-    audit_copy: AuditCopy, tmp_path: Path
-) -> None:
-    armed = '<joint name="theta" type="hinge" armature="0.001"'
-    findings = audit_copy(
-        "simple_pendulum",
-        "mujoco.xml",
-        "mujoco",
-        (
-            "<worldbody>",
-            """<!-- <joint name="theta" armature="1"/> -->
-  <custom><numeric name="theta" data="1"/></custom>
-  <equality><joint name="theta" joint1="theta" active="false"/></equality>
-  <worldbody>""",
-        ),
-        ('<joint name="theta" type="hinge"', armed),
-    )
-    where = next(f.location for f in findings if f.message.startswith("armature of theta"))
-    file = tmp_path / "mujoco.xml"
-    assert where == SourceLine(file=str(file), line=line_with(file, armed))
-
-
-def test_urdf_joint_is_located_despite_a_transmission(
-    audit_copy: AuditCopy, tmp_path: Path
-) -> None:
-    findings = audit_copy(
-        "mass_spring_damper",
-        "robot.urdf",
-        "pybullet",
-        (
-            '<link name="mass"',
-            '<!-- <joint name="x"> -->\n  <transmission name="t"><joint name="x"/></transmission>\n'
-            '  <link name="mass"',
-        ),
-        ('friction="0"', 'friction="0.4"'),
-    )
-    where = next(f.location for f in findings if "ignores it" in f.message)
-    file = tmp_path / "robot.urdf"
-    line = line_with(file, '<joint name="x" type')
-    assert where == SourceLine(file=str(file), line=line)
-
-
 def test_gravity_in_a_comment_is_ignored(audit_copy: AuditCopy) -> None:
     changes = (('gravity="0 0 -9.81"', ""), ("<worldbody>", '<!-- gravity="0" -->\n<worldbody>'))
     findings = audit_copy("simple_pendulum", "mujoco.xml", "mujoco", *changes)
@@ -148,34 +106,6 @@ def test_gravity_of_an_included_file_counts(audit_copy: AuditCopy, tmp_path: Pat
     )
     findings = audit_copy("simple_pendulum", "mujoco.xml", "mujoco", *changes)
     assert "the file sets no gravity" not in messages(findings, "default", "note")
-
-
-def test_space_damping_is_located_despite_similar_lines(
-    audit_copy: AuditCopy, tmp_path: Path
-) -> None:
-    text = """    # space.damping = 0.5
-    spring = pymunk.DampedRotarySpring(space.static_body, pymunk.Body(1, 1), 0, 0, 0)
-    spring.damping = 0.0
-    note = "space.damping = 0.7"
-    space.damping = 0.99
-"""
-    built = "    space = pymunk.Space()\n"
-    findings = audit_copy("simple_pendulum", "space.py", "pymunk", (built, built + text))
-    where = next(f.location for f in findings if "Space.damping is 0.99" in f.message)
-    file = tmp_path / "space.py"
-    line = line_with(file, "space.damping = 0.99")
-    assert where == SourceLine(file=str(file), line=line)
-
-
-def test_python_joint_is_located_despite_a_comment(audit_copy: AuditCopy, tmp_path: Path) -> None:
-    change = ("rod.error_bias = 1e-10", "pass")
-    built = "    space = pymunk.Space()\n"
-    comment = built + "    # pymunk.PinJoint( is what holds the bob\n"
-    findings = audit_copy("simple_pendulum", "space.py", "pymunk", change, (built, comment))
-    where = next(f.location for f in findings if "error_bias of a PinJoint" in f.message)
-    file = tmp_path / "space.py"
-    line = line_with(file, "= pymunk.PinJoint(")
-    assert where == SourceLine(file=str(file), line=line)
 
 
 def test_engine_setting_is_located_in_the_table_of_the_engine() -> None:

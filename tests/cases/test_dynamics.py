@@ -25,7 +25,6 @@ from physics_crosscheck.harness.render.terminal.table import dynamics_lines
 from physics_crosscheck.records import Case, EngineLinearization, Outcome
 from tests.cases.test_robot import SERVO
 from tests.models import written
-from tests.physics import physics
 from tests.records.made import case, full_run, verdict
 from tests.robots.files import ADRIFT
 
@@ -205,29 +204,6 @@ def test_make_target_runs_builtin_models_with_required_engines() -> None:
     text = (Path(__file__).parents[2] / "Makefile").read_text()
     lines = text.replace("\\\n", "").splitlines()
     assert any("--crosscheck models" in line and "--require-engines" in line for line in lines)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["drum_pendulum", "free_pair"])
-def test_engine_linearizations_match_the_equations(name: str) -> None:
-    """Catch a wrong matrix about each equilibrium, with gears, and with springs of sidecars."""
-    folder, prepared = builtin() / name, physics(name)
-    registered = engines()
-    for sidecar in sidecars(folder):
-        for engine in sidecar.engines:
-            if registered[engine].version() is None:
-                pytest.skip(f"{engine} is not installed")
-            results = run_linearizations(model_task(prepared, engine, sidecar))
-            assert len(results) == len(prepared.equilibria)
-            for result in results:
-                assert result.a_error is not None
-                assert result.a_error <= 1e-8
-                assert result.b_error is not None
-                assert result.b_error <= 1e-8
-                assert result.transfer_error is not None
-                assert result.transfer_error <= 1e-6
-                assert result.mode_similarity is not None
-                assert result.mode_similarity > 1 - 1e-9
 
 
 TOO_LARGE = CheckedStep(target=0.001, step=1e-4, measured=0.002)

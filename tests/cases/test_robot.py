@@ -17,7 +17,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.documents import elements
 from physics_crosscheck.harness.documents.elements import xml_problem
-from physics_crosscheck.harness.engines.registry import default_engines, engines, engines_to_run
+from physics_crosscheck.harness.engines.registry import default_engines, engines
 from physics_crosscheck.harness.interfaces.cli.run import exit_code
 from physics_crosscheck.harness.jobs.workers import Workers
 from physics_crosscheck.harness.modelfiles.readers import RobotError
@@ -134,22 +134,6 @@ def test_command_line_selects_one_model_of_a_world(tmp_path: Path) -> None:
         "no moving model of the name 'bell'"
         in crosscheck(tmp_path, "w.sdf", "--model", "bell").stdout
     )
-
-
-@pytest.mark.slow
-def test_command_line_runs_a_single_file(tmp_path: Path) -> None:
-    (tmp_path / "arm.urdf").write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
-    done = crosscheck(tmp_path, "arm.urdf", "--details")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "arm.urdf  7 joints, 8 links in 7 bodies, 17.5 kg" in done.stdout
-    assert " numbers tested (" in done.stdout
-    assert "not compared: limits" in done.stdout
-    results = read_results(tmp_path / "out" / "results.json")
-    assert [(c.model, c.engine, c.outcome) for c in results.cases] == [
-        ("arm.urdf", engine.name, "AGREES")
-        for engine in sorted(engines_to_run(".urdf"), key=lambda one: one.name)
-    ]
-    assert (tmp_path / "out" / "index.html").is_file()
 
 
 def test_two_files_of_one_folder_are_two_systems_in_the_report(tmp_path: Path) -> None:
@@ -497,14 +481,3 @@ def test_time_step_longer_than_the_motion_is_reported() -> None:
     case = run_case(model_task(prepared, "mujoco"))
     assert (case.outcome, case.full_run) == (Outcome.AGREES, None)
     assert "no motion from rest: dt = 0.002 s is too long for a motion of 0.003 s" in case.reason
-
-
-@pytest.mark.slow
-def test_command_line_reports_the_error_of_a_motion(tmp_path: Path) -> None:
-    file = str(DATA / "cartpole.urdf")
-    refused = crosscheck(tmp_path, file, "--motion", "0")
-    assert refused.returncode == 2
-    assert "must be a number of seconds above 0" in refused.stderr
-    done = crosscheck(tmp_path, file, "--motion", "0.5", "--engine", "mujoco", "--details")
-    assert done.returncode == 0, done.stdout
-    assert re.search(r"error at dt +dt +order", done.stdout)

@@ -6,21 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics_crosscheck.engine import Engine
-from physics_crosscheck.harness.checks import acting as acting_module
 from physics_crosscheck.harness.checks import audit as audit_run
 from physics_crosscheck.harness.checks import case as case_module
-from physics_crosscheck.harness.checks import planar_step as planar_module
-from physics_crosscheck.harness.checks import task as task_module
 from physics_crosscheck.harness.checks.by_steps import suffices
 from physics_crosscheck.harness.checks.case import StepError, run_case, stepped_model
 from physics_crosscheck.harness.checks.compiled_terms import run_linearizations
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
 from physics_crosscheck.harness.checks.task import model_task
-from physics_crosscheck.harness.checks.verdict import nonzero_scale
-from physics_crosscheck.harness.diagnosis import trial as diagnosis_module
 from physics_crosscheck.harness.diagnosis.task import diagnose_model
-from physics_crosscheck.harness.engines.known_answer import KnownEngine
 from physics_crosscheck.harness.modelfiles.sidecar import Sidecar, read_sidecar
 from physics_crosscheck.harness.numerics.full_run import traced_run
 from physics_crosscheck.harness.numerics.segments import BlownUpError
@@ -41,15 +34,6 @@ method = "euler"
 claims = 1
 """
 HELD = 'engines = ["known"]\n[coordinates]\nfall = 0\n'
-
-
-@pytest.fixture(autouse=True)
-def only_known_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    def engines() -> dict[str, Engine]:
-        return {"known": KnownEngine()}
-
-    for module in (task_module, planar_module, acting_module, audit_run, diagnosis_module):
-        monkeypatch.setattr(module, "engines", engines)
 
 
 @pytest.fixture(scope="module")
@@ -185,19 +169,6 @@ def test_unmoved_coordinate_is_scaled_like_the_others(tmp_path: Path) -> None:
     assert linear.a_error is not None
     assert linear.a_error < 1e-9
     assert not linear.differs
-
-
-@pytest.mark.parametrize(
-    ("sizes", "whole"),
-    [
-        ([0.3, 0.0, 2.0, 0.1], [0.3, 0.3, 2.0, 0.1]),
-        ([0.3, 1e-17, 2.0, 3e-17], [0.3, 0.3, 2.0, 2.0]),
-        ([0.0, 0.0, 2.0, 0.1], [1.0, 1.0, 2.0, 0.1]),
-        ([0.3, 1e-9, 2.0, 0.1], [0.3, 1e-9, 2.0, 0.1]),
-    ],
-)
-def test_amplitude_at_rounding_level_is_replaced(sizes: list[float], whole: list[float]) -> None:
-    assert nonzero_scale(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
 
 
 def test_single_steps_decide_a_correct_case_and_skipped_checks_are_listed(

@@ -1,6 +1,5 @@
 """The record of a system, its sketch, and a folder that cannot run."""
 
-import math
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import sympy as sp
 from physics_crosscheck import System
 from physics_crosscheck.harness.checks.not_run import failed_case
 from physics_crosscheck.harness.checks.prepare import PreparedSystem, prepare_system
-from physics_crosscheck.harness.checks.system_record import sketch_record, tree
+from physics_crosscheck.harness.checks.system_record import sketch_record
 from physics_crosscheck.harness.jobs.workers import Failure
 from physics_crosscheck.harness.modelfiles.folders import builtin
 from physics_crosscheck.harness.records import system as records
@@ -116,11 +115,6 @@ def test_reason_with_a_file_is_unchanged() -> None:
 SKETCHED = sorted(path.parent.name for path in builtin().glob("*/system.py"))
 
 
-@pytest.fixture(scope="module")
-def drum() -> System:
-    return load_system(builtin() / "drum_pendulum")
-
-
 @pytest.mark.parametrize("name", SKETCHED)
 def test_builtin_sketches_show_every_coordinate(name: str) -> None:
     """Compare trees with their expressions at a random position."""
@@ -141,13 +135,6 @@ def test_builtin_sketches_show_every_coordinate(name: str) -> None:
                 exact = float(sp.sympify(expected).subs(values))
                 assert evaluate(actual, q) == pytest.approx(exact, abs=1e-7)
     assert drawing(record, [c.name for c in system.coordinates]).description
-
-
-def test_tree_of_an_expression_contains_the_constants(drum: System) -> None:
-    length = next(c for c in drum.constants if c.name == "l")
-    theta = drum.coordinates[1]
-    assert tree(length * sp.sin(theta.q), drum) == ["*", 0.6, ["sin", ["q", 1]]]
-    assert tree(sp.pi / 2, drum) == pytest.approx(math.pi / 2)
 
 
 def test_unknown_operation_of_a_sketch_is_refused() -> None:

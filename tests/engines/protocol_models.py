@@ -89,7 +89,6 @@ MECHANISMS = {
     "free mass": ((MASS,), (0.0,), (0.0,), None),
     "oscillator": ((MASS,), (STIFFNESS,), (DAMPING,), None),
     "pair": ((MASS, OTHER_MASS), (STIFFNESS, 0.0), (0.0, 0.0), (COUPLING, DRAG)),
-    "stiff": ((0.01,), (5000.0,), (0.0,), None),
 }
 
 

@@ -58,24 +58,6 @@ def test_adapters_do_not_import_equations_or_systems(path: Path) -> None:
                 assert name.startswith(ALLOWED), f"{path.name} imports {name}"
 
 
-HOMES = {type(engine).__module__.split(".")[3] for engine in engines().values()}
-"""The folder or file of each adapter."""
-
-
-@pytest.mark.parametrize(
-    "path",
-    [p for p in ADAPTERS if p.name not in ("registry.py", "pages.py")],
-    ids=lambda p: p.relative_to(HOME).as_posix(),
-)
-def test_adapters_do_not_import_each_other(path: Path) -> None:
-    home = path.relative_to(HOME).parts[0].removesuffix(".py")
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
-            parts = (node.module or "").split(".")[3:]
-            names = parts[:1] or [alias.name for alias in node.names]
-            assert not set(names) & (HOMES - {home}), f"{path.name} imports {node.module}"
-
-
 class Poisoning:
     """An engine that sees NaN instead of the system's constants in every call."""
 

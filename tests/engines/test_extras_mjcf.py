@@ -40,14 +40,6 @@ def test_file_sets_step_gravity_and_zero_unless_the_sidecar_does(name: str, tmp_
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)
-def test_flag_disables_gravity(name: str, tmp_path: Path) -> None:
-    path = write(tmp_path, ARM, '<option><flag gravity="disable"/></option>')
-    model = mjcf(name, path)
-    assert model.gravity == (0.0, 0.0, 0.0)
-    assert off(model, mjcf("mujoco", path)) < 1e-14
-
-
-@pytest.mark.parametrize("name", PARTIAL_READERS)
 @pytest.mark.parametrize(("setting", "more", "extra"), [
     ("springs", 'stiffness="3" springref="0.2"', ""),
     ("tendons", "", TENDON.format('stiffness="3" damping="0.2" springlength="0.1"') + "</tendon>"),
@@ -441,23 +433,26 @@ def test_friction_is_ignored_and_reported(name: str, tmp_path: Path) -> None:
     assert off(model, mjcf("mujoco", write(tmp_path, ARM))) < 1e-14
 
 
-def test_setting_restores_pinocchio_without_damping(tmp_path: Path) -> None:
-    path = write(tmp_path, ARM.replace(hinge(), hinge(more='damping="0.3"')))
-    mujoco = mjcf("mujoco", path)
-    assert off(mjcf("pinocchio", path), mujoco) < 1e-14
-    model = mjcf("pinocchio", path, {"damping": False})
-    assert off(model, mujoco) > 1e-3
-    assert list(model.corrective_settings.values()) == [{"damping": True}]
+GEOMS = (
+    '<geom type="sphere" size="0.1" pos="0 0 0.5"/>'
+    '<geom type="box" size="0.1 0.2 0.3" pos="0.2 0 0" contype="0" conaffinity="0"/>'
+)
 
 
-def test_setting_restores_drake_without_armature(tmp_path: Path) -> None:
-    path = write(tmp_path, TWO.replace(hinge("k"), hinge("k", 'armature="0.3"')))
-    mujoco = mjcf("mujoco", path)
-    assert off(mjcf("pinocchio", path), mujoco) < 1e-14
-    assert off(mjcf("drake", path), mujoco) < 1e-14
-    model = mjcf("drake", path, {"armature": False})
+@pytest.mark.parametrize(("name", "setting", "bodies"), [
+    ("pinocchio", "damping", ARM.replace(hinge(), hinge(more='damping="0.3"'))),
+    ("drake", "armature", TWO.replace(hinge("k"), hinge("k", 'armature="0.3"'))),
+    ("pinocchio", "all_geoms", f"<body>{hinge()}{GEOMS}</body>"),
+])  # fmt: skip
+def test_setting_restores_what_an_engine_leaves_out(
+    name: str, setting: str, bodies: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, bodies)
+    mujoco, model = mjcf("mujoco", path), mjcf(name, path, {setting: False})
+    for complete in (mjcf(name, path), mjcf("pinocchio", path)):
+        assert off(complete, mujoco) < 1e-14
     assert off(model, mujoco) > 1e-3
-    assert list(model.corrective_settings.values()) == [{"armature": True}]
+    assert list(model.corrective_settings.values()) == [{setting: True}]
 
 
 def test_setting_restores_pinocchio_with_only_the_first_root(tmp_path: Path) -> None:
@@ -466,20 +461,6 @@ def test_setting_restores_pinocchio_with_only_the_first_root(tmp_path: Path) -> 
     model = mjcf("pinocchio", path, {"all_roots": False})
     assert model.coordinates == ("j",)
     assert list(model.corrective_settings.values()) == [{"all_roots": True}]
-
-
-def test_setting_restores_pinocchio_with_visual_only_geoms(tmp_path: Path) -> None:
-    geoms = (
-        '<geom type="sphere" size="0.1" pos="0 0 0.5"/>'
-        '<geom type="box" size="0.1 0.2 0.3" pos="0.2 0 0" contype="0" conaffinity="0"/>'
-    )
-    path = write(tmp_path, f"<body>{hinge()}{geoms}</body>")
-    mujoco = mjcf("mujoco", path)
-    assert off(mjcf("pinocchio", path), mujoco) < 1e-14
-    assert off(mjcf("drake", path), mujoco) < 1e-14
-    model = mjcf("pinocchio", path, {"all_geoms": False})
-    assert off(model, mujoco) > 1e-2
-    assert list(model.corrective_settings.values()) == [{"all_geoms": True}]
 
 
 @pytest.mark.parametrize(("name", "defaults", "class_name"), [

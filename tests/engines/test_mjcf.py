@@ -14,7 +14,6 @@ from physics_crosscheck.harness.checks.task import load as load_model
 from physics_crosscheck.harness.diagnosis.hypotheses import everything
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.engines.known_answer import KnownEngine
-from physics_crosscheck.harness.engines.mujoco.urdf import spring_terms
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.bindings import bindings, with_literals
 from physics_crosscheck.harness.modelfiles.locations import find, line_of, numbers
@@ -228,8 +227,3 @@ def test_model_file_without_a_sidecar_is_reported(folder: Path) -> None:
     assert [one.model for one in unread] == ["forgotten.known"]
     assert 'engines = ["known"]' in unread[0].reason
     assert folder_files(folder).broken == (f"{folder / 'forgotten.known'}: has no sidecar",)
-
-
-def test_spring_is_a_number_or_a_polynomial() -> None:
-    assert spring_terms(5.0, 0.0) == 5.0
-    assert spring_terms(5.0, np.zeros(3)) == [5.0, 0.0, 0.0]

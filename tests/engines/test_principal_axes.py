@@ -218,13 +218,6 @@ def test_axes_near_a_right_angle_are_computed(tmp_path: Path, frame: str) -> Non
     assert (case.verdict.discrepancy or 0) < 1e-12
 
 
-def test_exact_axes_is_true_or_false(tmp_path: Path) -> None:
-    path = written(tmp_path, "body.urdf", URDF)
-    settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": 1.0}
-    with pytest.raises(RuntimeError, match="true or false"):
-        engines()["pybullet"].load(ModelSpec(path, settings=settings))
-
-
 def test_a_default_explains_beside_axes_that_only_its_correction_shows(tmp_path: Path) -> None:
     """Report PyBullet's own kilogram, not the inertia that both links have together."""
     lines = (

@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -141,43 +140,3 @@ def one_scenario(system: str, place: Path, scenario: str) -> Path:
     text += f"system = replace(system, scenarios=tuple({kept}))\n"
     (place / "system.py").write_text(text)
     return place
-
-
-def variant(
-    place: Path,
-    system: str,
-    source: str,
-    name: str,
-    *changes: tuple[str, str],
-    engine: str | None = None,
-) -> None:
-    """Copy a built-in model file under another name, with (old, new) changes.
-
-    A change applies to the model file, or to the sidecar if the model file lacks the old text.
-    `engine` keeps only this engine.
-    """
-    model = ROOT / "models" / system / source
-    texts = [model.read_text(), Path(f"{model}.toml").read_text()]
-    for old, new in changes:
-        which = 0 if old in texts[0] else 1
-        assert texts[which].count(old) >= 1, f"{model} has no {old!r}"
-        texts[which] = texts[which].replace(old, new, 1)
-    if engine is not None:
-        lines = texts[1].splitlines()
-        lines = [f'engines = ["{engine}"]' if x.startswith("engines") else x for x in lines]
-        if engine != "mujoco" and "[settings.mujoco]" in lines:
-            first = lines.index("[settings.mujoco]")
-            last = next((i for i in range(first + 1, len(lines)) if lines[i].startswith("[")), None)
-            lines[first : last or len(lines)] = []
-        texts[1] = "\n".join(lines) + "\n"
-    file = place / f"{name}{model.suffix}"
-    file.write_text(texts[0])
-    Path(f"{file}.toml").write_text(texts[1])
-
-
-def off(place_of_number: str, share: float = 1e-6) -> tuple[str, str]:
-    """Return a change of the last number in a text by a share."""
-    number = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", place_of_number))[-1]
-    value = repr(float(number.group()) * (1 + share))
-    head, tail = place_of_number[: number.start()], place_of_number[number.end() :]
-    return place_of_number, head + value + tail

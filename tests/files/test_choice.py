@@ -10,12 +10,7 @@ from physics_crosscheck.harness.modelfiles.choice import (
     matching,
     named_model,
 )
-from physics_crosscheck.harness.modelfiles.folders import (
-    FolderError,
-    builtin,
-    similar_path,
-    system_folders,
-)
+from physics_crosscheck.harness.modelfiles.folders import FolderError, builtin, system_folders
 from physics_crosscheck.harness.modelfiles.robot_targets import robot_files
 from physics_crosscheck.records import CaseId
 
@@ -111,15 +106,14 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("robot.sdf", "robot.urdf"),
     ("robts/pnda.urdf", "robots/panda.urdf"),
     ("robts/panda.urdf", "robots/panda.urdf"),
+    # an equal suffix alone
+    ("a.urdf", ""),
+    ("nothing/robot.urdf", ""),
+    ("/nowhere/at/all.urdf", ""),
 ])  # fmt: skip
 def test_missing_file_suggests_a_similar_name(place: Path, missing: str, similar: str) -> None:
-    fault = f"{missing}: there is no such file; did you mean {similar}?"
-    assert robot_files([missing]).faults == {missing: fault}
-
-
-@pytest.mark.parametrize("missing", ["a.urdf", "nothing/robot.urdf", "/nowhere/at/all.urdf"])
-def test_equal_suffix_alone_makes_no_suggestion(place: Path, missing: str) -> None:
-    assert similar_path(Path(missing)) == ""
+    hint = f"; did you mean {similar}?" if similar else ""
+    assert robot_files([missing]).faults == {missing: f"{missing}: there is no such file{hint}"}
 
 
 def test_misspelled_system_suggests_a_similar_name(place: Path) -> None:

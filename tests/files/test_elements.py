@@ -1,4 +1,4 @@
-"""Copies of elements keep the bytes of everything that is not changed."""
+"""Changed elements and attributes keep the bytes of everything else."""
 
 from pathlib import Path
 
@@ -15,6 +15,8 @@ from physics_crosscheck.harness.documents.elements import (
 )
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.reading import SourceFile
+from physics_crosscheck.harness.modelfiles.locations.attributes import elements as start_tags
+from physics_crosscheck.harness.modelfiles.locations.attributes import with_attributes
 
 TEXT = """<robot  name='a&amp;b'><!-- kept -->
   <link name="l" ><mass value = "1e0"/></link >
@@ -107,3 +109,52 @@ def test_number_without_a_line_is_named_by_its_address() -> None:
     assert (number.value, number.span, source_line(number).line) == (2.5, None, None)
     with pytest.raises(LocationError, match=r"arm\.usdc: '/arm/link\.physics:mass' is not written"):
         replace_numbers({number.file: b"PXR-USDC"}, [(number, "3")])
+
+
+JOINTS = (
+    "<!-- <joint name='x' damping='9'/> é -->\r\n"
+    "<mujoco>\r\n\t<default><joint  damping = '1' /></default>\r\n"
+    "  <body><joint name=\"x\"\n         axis='1 0 0'   /><joint name='y'></joint></body>\r\n"
+    "</mujoco>\r\n"
+)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "model.xml"
+    path.write_bytes(JOINTS.encode())
+    return path
+
+
+def change(file: Path, name: str, attribute: str, value: str | None) -> str:
+    element = next(e for e in start_tags(file) if e.attributes.get("name") == name)
+    return with_attributes(file.read_bytes(), file, [(element.start, attribute, value)]).decode()
+
+
+@pytest.mark.parametrize(("name", "attribute", "value", "before", "after"), [
+    ("x", "armature", "0.1", "axis='1 0 0' ", "axis='1 0 0' armature=\"0.1\" "),
+    ("y", "armature", "0.1", "<joint name='y'>", "<joint name='y' armature=\"0.1\">"),
+    ("x", "axis", "0 0 1", "\n         axis='1 0 0'", ' axis="0 0 1"'),
+    ("x", "axis", None, "\n         axis='1 0 0'", ""),
+    ("x", "damping", None, "", ""),
+])  # fmt: skip
+def test_attribute_is_added_set_or_removed(
+    file: Path, name: str, attribute: str, value: str | None, before: str, after: str
+) -> None:
+    assert change(file, name, attribute, value) == JOINTS.replace(before, after)
+
+
+def test_several_attributes_are_changed_at_once(file: Path) -> None:
+    x, y = (e.start for e in start_tags(file) if "name" in e.attributes)
+    edits = [(x, "a", "1"), (y, "b", '"<&'), (x, "axis", None)]
+    path = file.with_name("new.xml")
+    path.write_bytes(with_attributes(file.read_bytes(), file, edits))
+    actual = {
+        e.attributes["name"]: e.attributes for e in start_tags(path) if "name" in e.attributes
+    }
+    assert actual == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
+
+
+def test_byte_where_no_element_starts_is_refused(file: Path) -> None:
+    with pytest.raises(LocationError, match="no element starts at byte 5"):
+        with_attributes(file.read_bytes(), file, [(5, "a", "1")])

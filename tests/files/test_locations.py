@@ -7,7 +7,7 @@ import pytest
 from physics_crosscheck.harness.documents.elements import read_number
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.reading import SourceFile
-from physics_crosscheck.harness.modelfiles.locations import find, numbers
+from physics_crosscheck.harness.modelfiles.locations import find, line_of, numbers
 from tests.models import written
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
@@ -327,3 +327,84 @@ def test_index_beyond_a_list_is_refused_and_all_numbers_are_listed(tmp_path: Pat
     listed = numbers(file, "pose|mass")
     assert "link[a]/inertial/pose[2]" in listed
     assert len(find(file, listed)) == 14
+
+
+COMMENTED = """<mujoco>
+  <!-- <joint name="a" armature="1"/> <option gravity="0 0 -1"/> -->
+  <option timestep="0.001"/>
+  <option
+    gravity="0 0 -9.81"/>
+  <default><joint damping="1"/></default>
+  <equality><joint name="a" joint1="a"/></equality>
+  <worldbody>
+    <body name="arm"><frame><joint name="a"
+        damping="2"/></frame></body>
+  </worldbody>
+</mujoco>
+"""
+CALLS = """
+# PinJoint() and space.damping = 1
+MASS = 1.0
+text = "space.damping = 2"
+
+def build():
+    spring = lib.DampedSpring(1)
+    spring.damping = 3
+    space = lib.Space(PinJoint)
+    joint = (
+        lib.PinJoint(2))
+    space.damping = (
+        4)
+    given.gravity = 5
+"""
+TABLES = """
+text = "gravity = 1"
+# gravity = 2
+[settings]
+step = 0.1
+[settings.one]
+motors = true
+gravity = [0,
+    0, 3]
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "address", "line"),
+    [
+        ("m.xml", COMMENTED, "body/joint[a]", 9),
+        ("m.xml", COMMENTED, "body/joint[a]@damping", 10),
+        ("m.xml", COMMENTED, "body/joint[a]@armature", 9),
+        ("m.xml", COMMENTED, "equality/joint[a]", 7),
+        ("m.xml", COMMENTED, "option@gravity", 5),
+        ("m.xml", COMMENTED, "option@wind", 3),
+        ("m.xml", COMMENTED, "body/joint[b]", None),
+        ("m.xml", COMMENTED, "no address [", None),
+        ("m.xml", "<mujoco>", "mujoco", None),
+        ("m.urdf", "<robot>\n<link name='a'/>\n</robot>", "robot/link[a]", 2),
+        ("m.py", CALLS, "MASS", 3),
+        ("m.py", CALLS, "LENGTH", None),
+        ("m.py", CALLS, "PinJoint()", 11),
+        ("m.py", CALLS, "GearJoint()", None),
+        ("m.py", CALLS, "Space().damping", 12),
+        ("m.py", CALLS, "Space().gravity", 14),
+        ("m.py", CALLS, "Space().iterations", None),
+        ("m.py", "def", "MASS", None),
+        ("m.toml", TABLES, "settings.step", 5),
+        ("m.toml", TABLES, "settings.one.motors", 7),
+        ("m.toml", TABLES, "settings.one.gravity", 8),
+        ("m.toml", TABLES, "settings.gravity", None),
+        ("m.toml", TABLES, "settings[", None),
+        ("m.skel", "<skel/>", "skel", None),
+    ],
+)
+def test_line_of_an_address(
+    name: str, text: str, address: str, line: int | None, tmp_path: Path
+) -> None:
+    file = tmp_path / name
+    file.write_text(text)
+    assert line_of(file, address) == line
+
+
+def test_missing_file_has_no_line(tmp_path: Path) -> None:
+    assert line_of(tmp_path / "m.xml", "option") is None

@@ -20,12 +20,6 @@ from physics_crosscheck.harness.engines.protocol import PlanarWhole
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.records import Outcome
 from physics_crosscheck.reference.laws.planar import PlanarModel
-from physics_crosscheck.reference.mechanism.planar import (
-    PlanarBody,
-    PlanarContact,
-    PlanarLaws,
-    PlanarShape,
-)
 from tests.models import written
 
 HEAD = """import pymunk
@@ -219,31 +213,6 @@ def test_parts_without_a_law_are_named(tmp_path: Path) -> None:
         assert check is not None
         assert check.record.outcome is None
         assert name in check.record.uncovered[0]
-
-
-def test_ball_bounces_by_the_product_of_elasticities() -> None:
-    """Catch friction or restitution that is not the product, and gravity within the bounce."""
-    h, g, v = 0.01, 9.81, -2.0
-    laws = PlanarLaws(
-        bodies=(
-            PlanarBody(name="ground", mass=np.inf, moment=np.inf, weighed=False),
-            PlanarBody(name="ball", mass=2.0, moment=np.inf),
-        ),
-        shapes=(
-            PlanarShape(body=0, friction=0.5, elasticity=0.8),
-            PlanarShape(body=1, friction=0.6, elasticity=0.5),
-        ),
-        step=h, gravity=(0.0, -g), iterations=1, slop=0.0, error_bias=0.0,
-    )  # fmt: skip
-    arms = np.array([[0.0, 0.0], [0.0, -1.0]])
-    touch = PlanarContact(shapes=(0, 1), normal=np.array([0.0, 1.0]), arms=arms)
-    model = PlanarModel(laws=laws)
-    start = model.at_rest(np.array([[0, 0, 0], [0, 1.0, 0]]), np.array([[0, 0, 0], [9.0, v, 0]]))
-    after = model.advance(start, [touch])
-    bounced = -0.4 * v
-    assert after.velocities[1, 1] == pytest.approx(bounced)
-    impulse = 2.0 * (bounced - v + g * h)
-    assert after.velocities[1, 0] == pytest.approx(9.0 - 0.3 * impulse / 2.0)
 
 
 def test_body_turns_about_its_center_of_mass(tmp_path: Path) -> None:

@@ -282,34 +282,6 @@ def test_joints_are_mapped_and_starts_are_given(tmp_path: Path) -> None:
     assert comparison.agree, str(comparison)
 
 
-ARM = """\
-<mujoco>
-  <option timestep="0.002" gravity="0 0 -9.81"/>
-  <worldbody>
-    <body>
-      <joint name="hip" axis="0 1 0"/>
-      <inertial pos="0 0 -0.2" mass="1.2" diaginertia="0.016 0.016 0.001"/>
-      <body pos="0 0 -0.4">
-        <joint name="knee" axis="0 1 0"/>
-        <inertial pos="0 0 -0.15" mass="0.7" diaginertia="0.005 0.005 0.0004"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-
-
-def test_page_reports_reversed_joint(tmp_path: Path) -> None:
-    arm, turned = tmp_path / "arm.xml", tmp_path / "turned.xml"
-    arm.write_text(ARM)
-    turned.write_text(ARM.replace('name="knee" axis="0 1 0"', 'name="knee" axis="0 -1 0"'))
-    apart = compare(arm, turned)
-    assert not apart
-    assert apart.compared is not None
-    assert apart.compared.turned == ("knee",)
-    assert "knee turns the other way in B (mapped so, " in apart._repr_html_()
-
-
 def test_errors_name_python_parameters(tmp_path: Path) -> None:
     with pytest.raises(CompareError, match=r"nowhere\.xml: there is no such file"):
         compare("nowhere.xml", MODEL)

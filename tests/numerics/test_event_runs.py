@@ -10,13 +10,7 @@ import pytest
 from physics_crosscheck.engine import Array, Force
 from physics_crosscheck.harness.checks.task import load
 from physics_crosscheck.harness.modelfiles.sidecar import read_sidecar
-from physics_crosscheck.harness.numerics.event_runs import (
-    crossing,
-    order_of,
-    phase_spread,
-    step_for,
-    study_events,
-)
+from physics_crosscheck.harness.numerics.event_runs import phase_spread, study_events
 from physics_crosscheck.harness.numerics.ladder import RUNGS, limits
 from physics_crosscheck.harness.numerics.segments import (
     MisplacedEventError,
@@ -70,29 +64,6 @@ def test_runs_with_another_restitution_do_not_converge(drop: Motion, tmp_path: P
     study = studied(drop, copy)
     assert not study.full_run_check.converges
     assert study.steps_for == (None, None, None)
-
-
-@pytest.mark.parametrize(
-    ("values", "time"),
-    [
-        ([3.0, 2.0, 1.0, -0.5], 2 + 2 / 3),  # through zero
-        ([0.0, 3.0, 1.0, -1.0], 2.5),  # begins on it
-        ([3.0, 2.0, 0.8, 1.5], 2 + 0.8 / 1.2),  # would reach it after one more step
-        ([3.0, 2.0, 1.5, 2.5], None),
-        ([-1.0, -1.0, -1.0, -1.0], None),
-        ([np.nan] * 4, None),
-    ],
-)
-def test_time_of_a_crossing(values: list[float], time: float | None) -> None:
-    actual = crossing(np.arange(4.0), np.array(values))
-    assert actual == (None if time is None else pytest.approx(time))
-
-
-def test_steps_follow_the_largest_error_per_step() -> None:
-    errors = [(h, h * (1.0 if k % 2 else 0.4)) for k, h in enumerate(2.0 ** -np.arange(8))]
-    assert order_of(errors) == pytest.approx(1, abs=0.2)
-    assert step_for(0.01, errors) == pytest.approx(0.01, rel=0.1)
-    assert step_for(0.01, [(h, 0.3) for h, _ in errors]) is None
 
 
 @pytest.mark.parametrize(("per_second", "constant"), [(5.0, 0.0), (0.0, 0.01)])

@@ -482,13 +482,3 @@ def test_states_in_contact_have_no_acceleration(tmp_path: Path) -> None:
     assert accelerations is not None
     assert accelerations[0, 0] == -9.81
     assert np.isnan(accelerations[1, 0])
-
-
-def test_velocities_and_inputs_are_combined_with_all_positions() -> None:
-    states, inputs = np.arange(40.0).reshape(10, 4), np.arange(10.0)[:, None]
-    combined, forces = mixed(states, inputs)
-    assert combined.shape == (10 * STATE_COMBINATIONS, 4)
-    assert forces.shape == (10 * STATE_COMBINATIONS, 1)
-    assert np.array_equal(combined[:10], states)
-    assert np.array_equal(np.unique(combined[:, :2], axis=0), states[:, :2])
-    assert len(np.unique(combined, axis=0)) == 10 * STATE_COMBINATIONS

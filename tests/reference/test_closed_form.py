@@ -150,37 +150,6 @@ def test_segment_starts_match_the_textbook_from_time_zero(regime: str, force: st
             assert all(g <= EPS * a for g, a in zip(gap, motion.amplitude, strict=True))
 
 
-def test_undamped_resonance_matches_the_textbook() -> None:
-    """m = 1, k = 4, driven at 2 1/s exactly: x = f/8 (sin 2t - 2t cos 2t), from rest."""
-    system = oscillator(1.0, 0.0, 4.0, 3 * sin(2 * t), x=0.0, v=0.0, duration=40.0)
-    motion = solve(derive(system), system.scenarios[0])
-    assert motion.method.startswith("matrix exponential")
-    (span,) = motion.spans
-    with mp.workdps(50):
-        for i in range(span.count):
-            time = 2 * mp.mpf(span.length) * i
-            exact = mp.mpf(3) / 8 * (mp.sin(time) - time * mp.cos(time))
-            speed = mp.mpf(3) / 4 * time * mp.sin(time)
-            assert abs(motion.start[i, 0] - exact) <= EPS * motion.amplitude[0]
-            assert abs(motion.start[i, 1] - speed) <= EPS * motion.amplitude[1]
-
-
-def test_step_during_the_motion_starts_a_new_span() -> None:
-    force = AMOUNT * sp.Heaviside(t - sp.Rational(7, 3))
-    system = oscillator(*REGIMES["lightly damped"], force, x=0.3, v=-0.25)
-    motion = solve(derive(system), system.scenarios[0])
-    first, second = motion.spans
-    with mp.workdps(50):
-        end = mp.mpf(first.length) * first.count
-        state = textbook(REGIMES["lightly damped"], "none", [0.3, -0.25], 0, end)
-        for i in range(0, second.count, 5):
-            exact = textbook(REGIMES["lightly damped"], "step", state, 0, mp.mpf(second.length) * i)
-            gap = np.array(
-                [float(a - b) for a, b in zip(motion.start[first.count + i], exact, strict=True)]
-            )
-            assert np.all(np.abs(gap) <= EPS * motion.amplitude)
-
-
 def test_input_without_a_generator_has_no_closed_form() -> None:
     equations = derive(oscillator(1.3, 0.9, 47.0, sin(t**2)))
     linearization = linearize(equations, equations.system.equilibria[0])

@@ -27,7 +27,6 @@ from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.laws.motion import EventError, solve_events
 from physics_crosscheck.reference.load import load_system
 from physics_crosscheck.reference.mechanism.interactions import Interaction
-from physics_crosscheck.reference.mechanism.laws import SoftLaw, Softness
 from physics_crosscheck.reference.solving.segments import Motion
 
 EVENTS = Path(__file__).parents[2] / "models" / "events"
@@ -444,20 +443,3 @@ def test_accumulating_impacts_are_rejected_with_a_valid_duration() -> None:
     long = replace(system.scenario("drop"), duration=1.1 * rest)
     with pytest.raises(EventError, match=r"end the motion before t = 2\.\d+ s"):
         solve_events(derive(system), long)
-
-
-def test_linear_soft_contact_follows_its_closed_form() -> None:
-    """Compare with z'' = -(1 - d) g - 2/T z' - z/(T Z)^2 while pressed, with one impedance d."""
-    d, constant, ratio, g, height = 0.9, 0.02, 0.5, 9.81, 0.5
-    system = load_system(EVENTS / "bouncing_ball")
-    law = SoftLaw(softness=Softness(reference=(constant, ratio), impedance=(d, d, 0.001, 0.5, 2.0)))
-    motion = solve_events(derive(system), system.scenario("drop"), {"floor": law})
-    touch, release = motion.events[:2]
-    assert touch == pytest.approx(np.sqrt(2 * height / g), rel=1e-13)
-    rest, speed = -(1 - d) * g * (constant * ratio) ** 2, -np.sqrt(2 * g * height)
-    omega = np.sqrt(1 / (constant * ratio) ** 2 - 1 / constant**2)
-    t = np.linspace(touch, release, 40)[1:-1]
-    phase, decay = omega * (t - touch), np.exp(-(t - touch) / constant)
-    sine = (speed - rest / constant) / omega
-    exact = rest + decay * (-rest * np.cos(phase) + sine * np.sin(phase))
-    assert motion.states_at(t)[:, 0] == pytest.approx(exact, abs=1e-12)

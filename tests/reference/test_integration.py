@@ -1,7 +1,6 @@
 """Two independent methods integrate a motion and agree; bounds of its error, with 50 digits."""
 
 import dataclasses
-from functools import cache
 from typing import Any
 
 import mpmath as mp
@@ -22,24 +21,21 @@ from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import (
     ReferenceError,
     by_runge_kutta,
-    field_of,
     solve_numerically,
-    trajectory,
 )
 from physics_crosscheck.reference.solving.segments import Motion
-from physics_crosscheck.reference.solving.solve import augmented, solve, solve_closed_form, tile
+from physics_crosscheck.reference.solving.solve import augmented, solve
 from tests.reference.mechanisms import (
     CART,
     EPS,
     LINEAR,
     NAMES,
     SCENARIOS,
-    built_in,
     equations_of,
     motion_of,
     oscillator,
 )
-from tests.reference.test_closed_form import FREQUENCY, textbook
+from tests.reference.test_closed_form import textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
 
 NONLINEAR = [*((n, s) for n, s in SCENARIOS if n not in LINEAR), (CART.name, "free")]
@@ -83,21 +79,6 @@ def test_two_integrations_agree_to_1e_12_of_the_motion(
     assert motion.method == f"Gauss collocation of order 16, checked by {checked_by}"
 
 
-@pytest.mark.parametrize(("name", "scenario"), NONLINEAR[::2])
-def test_heyoka_and_dop853_agree_at_segment_ends(name: str, scenario: str) -> None:
-    pytest.importorskip("heyoka")
-    equations, declared = scenario_of(name, scenario)
-    motion = motion_of(name, scenario)
-    first = 0
-    for span, signal in zip(motion.spans, pieces(equations.system, declared), strict=True):
-        chosen = slice(first, first + span.count)
-        first += span.count
-        given = motion.t[chosen], motion.start[chosen], span.length
-        series = integrate._taylor_series(equations, signal, *given)
-        apart = series - by_runge_kutta(field_of(equations, signal), *given)
-        assert np.all(np.max(np.abs(apart), axis=0) <= 1e-14 * sizes(motion))
-
-
 @pytest.mark.parametrize(
     ("off", "heyoka"), [(1e-11, True), (1e-11, False), (np.nan, False), (np.inf, False)]
 )
@@ -138,30 +119,6 @@ def test_motion_to_infinity_is_an_error_with_its_time() -> None:
     system = falling_apart()
     with pytest.raises(ReferenceError, match=r"the equations cannot be integrated past 0\.\d+ s"):
         solve(derive(system), system.scenarios[0])
-
-
-def test_numeric_solution_matches_the_closed_form() -> None:
-    """Compare both solutions for a harmonic force after a step, with damping."""
-    force = 2 * sp.Heaviside(t - 1) + sin(3 * t)
-    system = oscillator(1.3, 0.9, 47.0, force, duration=4.0)
-    equations = derive(system)
-    signals = pieces(system, system.scenarios[0])
-    spans = tile(signals, 6.0)
-    start = np.array([0.3, -0.2])
-    closed = solve_closed_form(linearize(equations, system.equilibria[0]), start, signals, spans)
-    numeric = solve_numerically(equations, start, signals, spans)
-    size = np.max(np.abs(closed.end), axis=0)
-    # The chains of starts: DOP853 at 1e-13 a step.
-    np.testing.assert_array_less(np.max(np.abs(numeric.start - closed.start), axis=0), 1e-11 * size)
-    # The segments, from the closed form's own starts, to a few eps.
-    first = spans[0].count
-    for span, signal, chosen in zip(
-        spans, signals, (slice(0, first), slice(first, None)), strict=True
-    ):
-        ends, _ = collocate(
-            field_of(equations, signal), closed.t[chosen], closed.start[chosen], span.length
-        )
-        assert np.all(np.max(np.abs(ends - closed.end[chosen]), axis=0) <= 8 * EPS * size)
 
 
 def test_collocation_has_order_16() -> None:
@@ -228,22 +185,6 @@ def test_rounding_below_the_accepted_difference_is_no_failure() -> None:
     np.testing.assert_allclose(end, np.exp(-0.1) * np.array([[1.0, 0.5]]), rtol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["drum_pendulum", "mass_spring_damper", "torsional_disc"])
-def test_trajectory_stops_at_breaks_of_its_input(name: str) -> None:
-    """Compare a full run in pieces with the segments, for any requested times."""
-    system, equations = built_in(name), equations_of(name)
-    scenario = next(
-        (s for s in system.scenarios if len(pieces(system, s)) > 1), system.scenarios[0]
-    )
-    motion = motion_of(name, scenario.name)
-    signals = pieces(system, scenario)
-    times = np.linspace(0.0, scenario.duration, 7)
-    states = trajectory(equations, motion.start[0], signals, times)
-    gap = np.max(np.abs(states - motion.states_at(times)), axis=0)
-    # DOP853 at 1e-13 a step over 10 s, its dense output of order 7 at 1e-11.
-    assert np.all(gap <= 1e-10 * np.maximum(sizes(motion), 1e-3))
-
-
 MOTIONS = [(name, scenario) for name, scenario in SCENARIOS if name in LINEAR]
 EVERY = 9  # the ninth part of the segments is checked
 
@@ -279,38 +220,6 @@ def test_every_segment_of_a_linear_system_ends_within_its_bound(name: str, scena
     assert np.all(error <= motion.bound)
     # The bound is tight: the worst segment comes near it.
     assert np.max(error / motion.bound) > 0.1
-
-
-DRAWS = range(10)
-
-
-@cache
-def drawn(seed: int) -> tuple[tuple[float, float, float], Motion]:
-    rng = np.random.default_rng(seed)
-    constants = 0.5 + rng.random(), 2 * rng.random() ** 2, 10 ** (3 * rng.random())
-    force = sp.Rational(2.75) * sin(sp.Rational(FREQUENCY) * t)
-    x, v = rng.normal(size=2)
-    system = oscillator(*constants, force, x=float(x), v=float(v), duration=6 + 30 * rng.random())
-    return constants, solve(derive(system), system.scenarios[0])
-
-
-@pytest.mark.parametrize("seed", DRAWS)
-def test_random_oscillators_stay_within_their_bounds(seed: int) -> None:
-    constants, motion = drawn(seed)
-    (span,) = motion.spans
-    worst = []
-    with mp.workdps(50):
-        for k in range(0, span.count, 23):
-            start, time = motion.start[k].tolist(), float(motion.t[k])
-            end = textbook(constants, "harmonic", start, time, span.length)
-            error = [abs(float(a - b)) for a, b in zip(motion.end[k].tolist(), end, strict=True)]
-            worst.append(np.max(error / motion.bound))
-            exact = textbook(constants, "harmonic", motion.start[0].tolist(), 0, time)
-            drift = [abs(float(a - b)) for a, b in zip(start, exact, strict=True)]
-            # The formulas are accurate to 50 digits.
-            assert np.all(np.array(drift) <= motion.global_bound[k] + 1e-40)
-    assert max(worst) <= 1
-    assert max(worst) > 0.05
 
 
 def test_motion_through_a_break_of_its_input_stays_within_its_global_bound() -> None:

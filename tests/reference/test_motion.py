@@ -17,7 +17,6 @@ from physics_crosscheck.reference.mechanism.signal import pieces
 from physics_crosscheck.reference.solving.collocation import collocate
 from physics_crosscheck.reference.solving.integrate import field_of
 from physics_crosscheck.reference.solving.next_state import Family
-from physics_crosscheck.reference.solving.segments import chebyshev_nodes
 from physics_crosscheck.reference.solving.solve import solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of, motion_of
 
@@ -53,15 +52,6 @@ def test_each_segment_starts_where_the_last_has_ended(name: str, scenario: str) 
 
 
 @every
-def test_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: str) -> None:
-    motion = motion_of(name, scenario)
-    assert motion.nodes.shape == (len(motion.t), 11, motion.start.shape[1])
-    np.testing.assert_allclose(motion.nodes[:, 0], motion.start, rtol=0, atol=4 * EPS)
-    gap = np.max(np.abs(motion.nodes[:, -1] - motion.end), axis=0)
-    assert np.all(gap <= 2 * EPS * motion.amplitude)
-
-
-@every
 def test_interpolated_motion_matches_direct_integration(name: str, scenario: str) -> None:
     motion, equations = motion_of(name, scenario), equations_of(name)
     first = 0
@@ -76,16 +66,6 @@ def test_interpolated_motion_matches_direct_integration(name: str, scenario: str
             # Degree 10 over a twentieth of the fastest period: see `11`. Late times are rounded:
             # eps of 18 s at 10 rad/s is 4e-14.
             assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
-
-
-@every
-def test_motion_at_its_nodes_equals_the_nodes(name: str, scenario: str) -> None:
-    motion = motion_of(name, scenario)
-    np.testing.assert_array_equal(motion.states_at(motion.t), motion.nodes[:, 0])
-    inner = motion.t[3] + motion.lengths[3] * chebyshev_nodes()[1:-1]
-    gap = np.max(np.abs(motion.states_at(inner) - motion.nodes[3, 1:-1]), axis=0)
-    # The node's time is rounded: eps of the time, at the component's rate.
-    assert np.all(gap <= 8 * EPS * motion.amplitude * max(1, motion.fastest))
 
 
 @every

@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from physics_crosscheck import Coordinate, DeclarationError, Scenario, System, t
+from physics_crosscheck import Coordinate, DeclarationError, System
 from physics_crosscheck.reference.dynamics.derive import Equations, derive
 from physics_crosscheck.reference.dynamics.equations import slopes_of
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEquations
 from physics_crosscheck.reference.mechanism.assemble import TreeSystem, tree_system
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import (
-    DOUBLES,
-    LONG_DOUBLES,
-    Scalars,
-    about_axis,
-)
+from physics_crosscheck.reference.mechanism.rotations import DOUBLES, about_axis
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeCoupling, TreeLink
 from physics_crosscheck.reference.solving.flows import ReusedSegments
 from physics_crosscheck.reference.solving.integrate import ReferenceError, by_runge_kutta
@@ -34,7 +28,6 @@ from physics_crosscheck.reference.solving.samples import (
     within,
 )
 from physics_crosscheck.reference.solving.segments import Segments
-from physics_crosscheck.reference.solving.solve import solve
 from tests.cases.arms import arm
 from tests.reference.multibody.trees import state, tree
 
@@ -51,41 +44,6 @@ def equations(robot: Tree) -> TreeEquations:
             coordinates=tuple(Coordinate(k.name, units[k.kind], "-") for k in robot.links),
         )
     )  # fmt: skip
-
-
-def in_long_doubles(robot: Tree, segments: Segments) -> Array:
-    """Compute ends by the classical Runge-Kutta method, extrapolated, (K, 2n)."""
-    dynamics, n = Dynamics(robot, LONG_DOUBLES), robot.nv
-    forces = LONG_DOUBLES.array(segments.start_inputs.T)
-
-    def rate(state: Scalars) -> Scalars:
-        a = dynamics.acceleration(state[:n], state[n:], forces)
-        return np.concatenate([state[n:], a])
-
-    def ends(steps: int) -> Scalars:
-        h, y = np.longdouble(segments.length) / steps, LONG_DOUBLES.array(segments.start.T)
-        for _ in range(steps):
-            k1 = rate(y)
-            k2 = rate(y + h / 2 * k1)
-            k3 = rate(y + h / 2 * k2)
-            k4 = rate(y + h * k3)
-            y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return y
-
-    coarse, fine = ends(96), ends(192)
-    return np.array(fine + (fine - coarse) / 15).T
-
-
-@pytest.mark.slow
-def test_ends_match_more_digits_within_their_bound() -> None:
-    robot = tree(KINDS, 0)
-    segments = samples(equations(robot), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
-    error = np.max(np.abs(segments.end - in_long_doubles(robot, segments)), axis=0)
-    movement = np.max(np.abs(segments.end - segments.start), axis=0)
-    assert np.all(error <= segments.bound)
-    assert np.all(segments.bound < 1e-12 * movement)
-    # The bound is tight.
-    assert np.max(error / segments.bound) > 1e-3
 
 
 @pytest.mark.parametrize("apart", [1e-11, 1e-6])
@@ -411,32 +369,6 @@ def test_scalars_equal_a_batch_of_one(recursive: TreeEquations) -> None:
     q, v, u, time = (part[0] for part in random_arguments(2))
     scalar = recursive.numeric_acceleration.scalar(*q, *v, *u, *time)
     assert scalar == pytest.approx(recursive.numeric_acceleration(q, v, u, time), rel=1e-14)
-
-
-@pytest.mark.slow
-def test_slopes_match_the_formulas(written: Equations, recursive: TreeEquations) -> None:
-    q, v, u, time = random_arguments(2)
-    states = np.concatenate([q, v], axis=1)
-    exact = written.slopes(states, u, time[:, 0])
-    actual = recursive.slopes(states, u, time[:, 0])
-    assert np.max(np.abs(actual - exact)) < 1e-6 * np.max(np.abs(exact))
-
-
-@pytest.mark.slow
-def test_motion_matches_the_formulas_within_both_bounds(written: Equations) -> None:
-    torque = sp.Rational(1, 5) * sp.sin(3 * t)
-    given = written.system.scenarios[0]
-    scenario = Scenario(
-        "one", "-", q=given.q, v=given.v, inputs=dict.fromkeys(given.inputs, torque), duration=0.5
-    )
-    system = dataclasses.replace(written.system, scenarios=(scenario,))
-    expected = solve(derive(system), scenario)
-    actual = solve(as_tree(system), scenario)
-    assert actual.method == "multiple shooting by Gauss collocation, checked by DOP853"
-    assert len(expected.t) == len(actual.t)
-    allowed = expected.global_bound + actual.global_bound
-    assert np.all(np.abs(expected.start - actual.start) <= allowed[:-1] + 1e-300)
-    assert np.max(actual.bound / actual.movement) < 1e-12
 
 
 def test_rounding_error_has_the_size_of_doubles(recursive: TreeEquations) -> None:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -18,10 +17,6 @@ from physics_crosscheck.harness.modelfiles.readers import RobotError, read_robot
 from physics_crosscheck.records import Outcome
 from tests.models import edited, written
 from tests.robots.planted import PreparedFile, prepare_file
-
-ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
-ROBOTS = {"pusher_v5": 11, "swimmer": 5}
-"""Degrees of freedom of some robots of Gymnasium; `campaigns.real_models` runs all."""
 
 HARD = """<mujoco model="hard">
   <compiler angle="degree" eulerseq="zyx"/>
@@ -60,14 +55,6 @@ def outcome(file: Path) -> tuple[Outcome, str]:
     assert engine is not None
     case = run_case(model_task(prepare_tree(file, states=8), engine.name))
     return case.outcome, case.reason
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROBOTS)
-def test_robot_of_gymnasium_agrees(name: str) -> None:
-    file = ASSETS / f"{name}.xml"
-    assert outcome(file) == (Outcome.AGREES, "")
-    assert len(prepare_tree(file, states=8).names) == ROBOTS[name]
 
 
 def test_compiled_mjcf_agrees(tmp_path: Path) -> None:

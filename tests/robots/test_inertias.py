@@ -4,10 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from physics_crosscheck import RigidBody
 from physics_crosscheck.engine import Engine, LoadedModel, ModelSpec
 from physics_crosscheck.harness.checks.case import run_case
 from physics_crosscheck.harness.checks.findings import inertia_findings
@@ -16,7 +14,6 @@ from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.modelfiles.inertias import impossible_inertias
 from physics_crosscheck.harness.modelfiles.readers import read_robot
-from physics_crosscheck.harness.modelfiles.robot import LinkPart, Robot
 from physics_crosscheck.records import Outcome
 from tests.robots.files import inertial, joint, link, read, tree_of
 
@@ -95,15 +92,6 @@ def test_dominant_negative_mass_makes_no_tree(tmp_path: Path) -> None:
     robot = read(tmp_path, link("base"), body, joint("j", "base", "odd"))
     assert robot.tree is None
     assert [one.kind for one in impossible_inertias(robot)] == ["negative mass"]
-
-
-def test_inertia_that_is_not_finite_is_reported(tmp_path: Path) -> None:
-    huge = RigidBody(name="x", parent=None, mass=1.0, inertia=(1.7e308,) * 6, inertia_rpy=(1, 1, 1))
-    part = LinkPart(link=huge, line=3)
-    none = np.zeros(0)
-    robot = Robot(name="r", file=tmp_path, tree=None, parts=(part,), limits=(none, none), home=none,
-                  left_out=(), obstacles=())  # fmt: skip
-    assert [one.kind for one in impossible_inertias(robot)] == ["not finite"]
 
 
 def _change_in_pybullet(model: Any) -> None:

@@ -20,27 +20,15 @@ pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet
 FOLDER = Path(pybullet_data.getDataPath())
 
 ROBOTS = {
-    "TwoJointRobot_w_fixedJoints.urdf": 2,
-    "TwoJointRobot_wo_fixedJoints.urdf": 2,
     "a1/a1.urdf": 12,
-    "aliengo/aliengo.urdf": 12,
     "cartpole.urdf": 2,
-    "cube_no_rotation.urdf": 4,
     "differential/diff_ring.urdf": 5,
     "franka_panda/panda.urdf": 9,
     "kuka_iiwa/model.urdf": 7,
     "laikago/laikago.urdf": 12,
-    "laikago/laikago_toes_zup.urdf": 12,
-    "mini_cheetah/mini_cheetah.urdf": 12,
-    "pendulum5.urdf": 5,
     "quadruped/minitaur.urdf": 16,
-    "quadruped/minitaur_rainbow_dash_v1.urdf": 20,
-    "quadruped/spirit40newer.urdf": 12,
-    "quadruped/vision60.urdf": 12,
     "r2d2.urdf": 8,
     "racecar/racecar.urdf": 6,
-    "racecar/racecar_differential.urdf": 14,
-    "xarm/xarm6_robot.urdf": 6,
     "xarm/xarm6_with_gripper.urdf": 12,
 }
 QUICK = {"a1/a1.urdf", "cartpole.urdf", "kuka_iiwa/model.urdf", "r2d2.urdf", "racecar/racecar.urdf"}
@@ -132,16 +120,8 @@ def test_commas_are_read_as_blanks(tmp_path: Path) -> None:
     assert differences(pinocchio.buildModelFromUrdf(str(path)), tree).max() < CLOSE
 
 
-def test_invalid_limit_is_reported_with_its_line() -> None:
-    robot = read_urdf_robot(FOLDER / "biped/biped2d_pybullet.urdf")
-    assert {one.line for one in robot.obstacles} == {115, 146, 177, 208}
-    assert "'-1.57.'; expected a finite number" in robot.obstacles[0].sentence
-    with pytest.raises(ValueError, match="valid URDF"):
-        pinocchio.buildModelFromUrdf(str(robot.file))
-
-
 @pytest.mark.parametrize(
-    "name", ["a1/a1.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf", "r2d2.urdf"]
+    "name", ["laikago/laikago.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf"]
 )
 def test_equations_of_a_floating_robot_match_pinocchio(name: str) -> None:
     tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
@@ -186,10 +166,3 @@ def test_equations_of_a_compiled_robot_match_pinocchio(name: str) -> None:
         fluid=None,
     )
     assert differences(rebuild(plain), plain).max() < CLOSE
-
-
-@pytest.mark.parametrize("name", ["a1/a1.urdf", "laikago/laikago.urdf", "quadruped/minitaur.urdf"])
-def test_equations_of_a_floating_quadruped_match_pinocchio(name: str) -> None:
-    tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
-    model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
-    assert differences(model, tree).max() < CLOSE

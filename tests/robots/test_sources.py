@@ -192,12 +192,6 @@ def test_gate_names_lines_of_the_source(
     assert "arm/urdf/macros.xacro:6 mass of link upper 2 -> 3" in capsys.readouterr().out
 
 
-def test_expanding_twice_gives_the_same_file(package: Path) -> None:
-    pytest.importorskip("xacro")
-    source = package / "urdf" / "arm.urdf.xacro"
-    assert expand(source) == expand(source)
-
-
 def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     package: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -340,11 +334,6 @@ def test_source_of_the_suffix_urdf_is_expanded(package: Path) -> None:
     comment = "<robot><!-- <xacro:include filename='a'/> --><link name='l'>{}</link></robot>"
     (package / "plain.urdf").write_text(comment.format("<inertial><mass value='1'/></inertial>"))
     assert source_file(str(package / "plain.urdf")) is None
-
-
-def test_plain_path_has_no_source(tmp_path: Path) -> None:
-    assert source_file(str(tmp_path / "arm.urdf")) is None
-    assert source_file("simple_pendulum") is None
 
 
 def test_gltf_is_turned_from_y_up_to_z_up(tmp_path: Path) -> None:

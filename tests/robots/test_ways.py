@@ -1,17 +1,14 @@
-"""Force paths of robot files, and the formats that robots are read from."""
+"""Force paths, media and couplings of robot files: they agree, and small errors are detected."""
 
-import sys
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from physics_crosscheck.harness.modelfiles import folders, readers
-from physics_crosscheck.harness.modelfiles.folders import FORMATS, Format
-from physics_crosscheck.harness.modelfiles.robot import refused
-from physics_crosscheck.harness.modelfiles.robot_targets import robot_files, robots_below
+from physics_crosscheck.harness.modelfiles.robot_targets import robots_below
 from physics_crosscheck.records import Outcome
-from tests.robots.planted import PreparedFile, prepare_file
+from tests.robots.planted import PreparedFile, prepare_file, tree_of
 
 BUSHINGS = """<mujoco model="bushes">
   <compiler angle="radian"/>
@@ -36,27 +33,6 @@ BUSHINGS = """<mujoco model="bushes">
   </actuator>
 </mujoco>
 """
-
-
-@pytest.fixture(scope="module")
-def bushings(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
-    return prepare_file(tmp_path_factory.mktemp("bushes"), BUSHINGS)
-
-
-def test_springs_and_motors_of_balls_and_free_joints_agree(bushings: PreparedFile) -> None:
-    assert bushings.outcome(integrator="implicitfast") == (Outcome.AGREES, "")
-    assert bushings.left_out == ("how MuJoCo compiles the file",)
-
-
-def test_error_of_a_millionth_in_ball_joints_differs(bushings: PreparedFile) -> None:
-    for old, new in (
-        ('"0.4 -0.8 0.6"', '"0.4 -0.800001 0.6"'), ('stiffness="60"', 'stiffness="60.00006"'),
-        ('"7 3 2"', '"7 3.000003 2"'), ('"0.1 0 0.03"', '"0.1 0 0.03003"'),
-        ('-0.5 0.3 0.2', '-0.5 0.3000005 0.2'), ('"0.5 0.1 -0.2"', '"0.5 0.1000005 -0.2"'),
-        ('kv="0.2"', 'kv="0.2000004"'), ('"0.1 -2 -0.3"', '"0.1 -2.000002 -0.3"'),
-    ):  # fmt: skip
-        assert bushings.outcome_with(old, new) is Outcome.DIFFERS, new
-
 
 FRAMES = """<mujoco model="frames">
   <compiler angle="radian"/>
@@ -94,27 +70,6 @@ FRAMES = """<mujoco model="frames">
 </mujoco>
 """
 
-
-@pytest.fixture(scope="module")
-def frames(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
-    return prepare_file(tmp_path_factory.mktemp("frames"), FRAMES)
-
-
-def test_forces_on_sites_and_motors_with_a_state_agree(frames: PreparedFile) -> None:
-    assert frames.outcome(integrator="Euler") == (Outcome.AGREES, "")
-    assert "actuators of other laws or transmissions" in frames.left_out
-
-
-def test_error_of_a_millionth_in_site_forces_differs(frames: PreparedFile) -> None:
-    for old, new in (
-        ('"3 1 -2 0 0 0"', '"3 1 -2.000002 0 0 0"'), ('gainprm="3"', 'gainprm="3.000003"'),
-        ("0.5 0.3 0.1 0.2", "0.5 0.3000005 0.1 0.2"), ("0.7 0.3 -0.4", "0.7 0.3000005 -0.4"),
-        ('"0.2 0.1 0.3"', '"0.2 0.1000003 0.3"'), ('"0.3 -0.2 0.4"', '"0.3 -0.2000003 0.4"'),
-        ('"0.3 0 -0.2"', '"0.3 0 -0.2000005"'), ('gainprm="4"', 'gainprm="4.000004"'),
-    ):  # fmt: skip
-        assert frames.outcome_with(old, new) is Outcome.DIFFERS, new
-
-
 TENDONS = """<mujoco model="cords">
   <compiler angle="radian"/>
   <option gravity="0 1 -9" integrator="RK4"/>
@@ -142,31 +97,121 @@ TENDONS = """<mujoco model="cords">
 </mujoco>
 """
 
+EEL = """<mujoco model="eel">
+  <compiler angle="radian"/>
+  <option density="30" viscosity="0.2" wind="0.5 -0.3 0.2" integrator="RK4"/>
+  <worldbody>
+    <body name="head" pos="0 0 1" euler="0.1 0.2 0.3">
+      <joint name="swing" axis="0.3 1 0"/>
+      <geom type="box" size="0.1 0.02 0.2" pos="0.05 0 -0.2" euler="0.3 0 0.2" density="500"/>
+      <body pos="0.1 0 0">
+        <inertial pos="0.02 0 0.1" mass="0.4" diaginertia="0.002 0.001 0.0012"/></body>
+      <body name="tail" pos="0.05 0 -0.4">
+        <joint name="turn" type="ball" damping="0.01"/>
+        <inertial pos="0 0.02 -0.1" mass="0.7" fullinertia="0.004 0.005 0.006 0.001 0.0005 0.0002"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+TIED = """<mujoco model="tied">
+  <compiler angle="radian"/>
+  <option gravity="0 1 -9"/>
+  <default><joint damping="0.2"/></default>
+  <worldbody>
+    <body name="trunk" pos="0.1 0.2 0.3">
+      <joint name="yaw" axis="0.1 0.2 1" ref="0.3"/>
+      <inertial pos="0.1 0 0.2" mass="1.5" diaginertia="0.05 0.06 0.07"/>
+      <body pos="0 0.1 0.4" euler="0.5 0.3 0.1">
+        <joint name="lift" axis="0 1 0.2"/>
+        <inertial pos="0.1 0.05 0.2" mass="0.9" diaginertia="0.02 0.03 0.04"/>
+        <body pos="0 0 0.4">
+          <joint name="extend" type="slide" axis="0 0 1" ref="0.1"/>
+          <inertial pos="0 0.05 0.2" mass="0.8" diaginertia="0.02 0.03 0.02"/>
+          <body pos="0 0 0.2">
+            <joint name="nod" axis="1 0 0.1"/>
+            <inertial pos="0 0.05 0.1" mass="0.4" diaginertia="0.01 0.02 0.01"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="one"><joint joint="yaw" coef="0.5"/><joint joint="lift" coef="-1.2"/></fixed>
+    <fixed name="two"><joint joint="extend" coef="2"/><joint joint="nod" coef="0.4"/></fixed>
+  </tendon>
+  <equality>
+    <tendon tendon1="one" tendon2="two" polycoef="0.1 0.7 0 0 0"/>
+  </equality>
+</mujoco>
+"""
+
+FILES = {"bushes": BUSHINGS, "frames": FRAMES, "cords": TENDONS, "eel": EEL, "tied": TIED}
+COMPILED = ("how MuJoCo compiles the file",)
+Prepare = Callable[[str], PreparedFile]
+
 
 @pytest.fixture(scope="module")
-def tendons(tmp_path_factory: pytest.TempPathFactory) -> PreparedFile:
-    return prepare_file(tmp_path_factory.mktemp("cords"), TENDONS)
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepare:
+    """Return a function that prepares each of the files once."""
+    return cache(lambda name: prepare_file(tmp_path_factory.mktemp(name), FILES[name]))
 
 
-def test_spatial_tendons_agree(tendons: PreparedFile) -> None:
-    """Cover pulleys, nonlinear dampers, and springs with a dead band that no segment leaves."""
-    assert tendons.outcome() == (Outcome.AGREES, "")
-    assert tendons.left_out == ("how MuJoCo compiles the file",)
+@pytest.mark.parametrize(("name", "integrator", "left_out"), [
+    ("bushes", "implicitfast", COMPILED), ("cords", "RK4", COMPILED), ("tied", "Euler", COMPILED),
+    ("frames", "Euler", ("actuators of other laws or transmissions",)),
+    ("eel", "implicit", ()),
+])  # fmt: skip
+def test_force_paths_media_and_couplings_agree(
+    prepared: Prepare, name: str, integrator: str, left_out: tuple[str, ...]
+) -> None:
+    """Cover springs and motors of balls and free joints, forces on sites, motors with a state,
+    pulleys, nonlinear dampers, springs with a dead band, a welded body and its box in a wind.
+    """
+    file = prepared(name)
+    assert file.outcome(integrator=integrator) == (Outcome.AGREES, "")
+    assert set(left_out) <= set(file.left_out)
+    assert left_out != COMPILED or file.left_out == COMPILED
+    assert not [one for one in file.left_out if "medium" in one]
+
+
+@pytest.mark.parametrize(("name", "old", "new"), [
+    ("bushes", '"0.4 -0.8 0.6"', '"0.4 -0.800001 0.6"'),
+    ("bushes", 'stiffness="60"', 'stiffness="60.00006"'),
+    ("bushes", '"7 3 2"', '"7 3.000003 2"'), ("bushes", '"0.1 0 0.03"', '"0.1 0 0.03003"'),
+    ("bushes", "-0.5 0.3 0.2", "-0.5 0.3000005 0.2"),
+    ("bushes", '"0.5 0.1 -0.2"', '"0.5 0.1000005 -0.2"'),
+    ("bushes", 'kv="0.2"', 'kv="0.2000004"'), ("bushes", '"0.1 -2 -0.3"', '"0.1 -2.000002 -0.3"'),
+    ("frames", '"3 1 -2 0 0 0"', '"3 1 -2.000002 0 0 0"'),
+    ("frames", 'gainprm="3"', 'gainprm="3.000003"'),
+    ("frames", "0.5 0.3 0.1 0.2", "0.5 0.3000005 0.1 0.2"),
+    ("frames", "0.7 0.3 -0.4", "0.7 0.3000005 -0.4"),
+    ("frames", '"0.2 0.1 0.3"', '"0.2 0.1000003 0.3"'),
+    ("frames", '"0.3 -0.2 0.4"', '"0.3 -0.2000003 0.4"'),
+    ("frames", '"0.3 0 -0.2"', '"0.3 0 -0.2000005"'),
+    ("frames", 'gainprm="4"', 'gainprm="4.000004"'),
+    ("cords", 'springlength="0.3 0.9"', 'springlength="0.3 0.9000005"'),
+    ("cords", '"40 5 3"', '"40 5.000005 3"'), ("cords", '"0.4 0.1"', '"0.4 0.1000003"'),
+    ("cords", 'gear="1.5"', 'gear="1.500002"'), ("cords", 'kp="12"', 'kp="12.00001"'),
+    ("cords", '"0.1 0.2 0.3"/><site', '"0.1 0.2000002 0.3"/><site'),
+    ("eel", 'density="30"', 'density="30.00003"'), ("eel", '"0.2" wind', '"0.2000004" wind'),
+    ("tied", '"0.1 0.7 0 0 0"', '"0.1000001 0.7 0 0 0"'),
+    ("tied", 'coef="-1.2"', 'coef="-1.200002"'),
+])  # fmt: skip
+def test_error_of_a_millionth_differs(prepared: Prepare, name: str, old: str, new: str) -> None:
+    assert prepared(name).outcome_with(old, new) is Outcome.DIFFERS
 
 
 @pytest.mark.slow
-def test_error_of_a_millionth_in_a_spatial_tendon_is_named(tendons: PreparedFile) -> None:
-    tendons.assert_named('divisor="2.5"', 'divisor="2.500003"', "spatial[rope]/pulley@divisor", 20)
-
-
-def test_error_of_a_millionth_in_spatial_tendons_differs(tendons: PreparedFile) -> None:
-    for old, new in (
-        ('springlength="0.3 0.9"', 'springlength="0.3 0.9000005"'),
-        ('"40 5 3"', '"40 5.000005 3"'), ('"0.4 0.1"', '"0.4 0.1000003"'),
-        ('gear="1.5"', 'gear="1.500002"'),
-        ('"0.1 0.2 0.3"/><site', '"0.1 0.2000002 0.3"/><site'), ('kp="12"', 'kp="12.00001"'),
-    ):  # fmt: skip
-        assert tendons.outcome_with(old, new) is Outcome.DIFFERS, new
+@pytest.mark.parametrize(("name", "old", "new", "address", "line"), [
+    ("cords", 'divisor="2.5"', 'divisor="2.500003"', "spatial[rope]/pulley@divisor", 20),
+    ("eel", '"0.5 -0.3 0.2"', '"0.5 -0.3000006 0.2"', "mujoco/option@wind[1]", 3),
+])  # fmt: skip
+def test_error_of_a_millionth_is_named(
+    prepared: Prepare, name: str, old: str, new: str, address: str, line: int
+) -> None:
+    prepared(name).assert_named(old, new, address, line)
 
 
 UNSUPPORTED = {
@@ -186,21 +231,39 @@ def test_unsupported_tendons_are_disabled_and_reported(tmp_path: Path, feature: 
     assert feature in prepared.left_out
 
 
-def test_registered_format_is_read_by_its_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    package = f"{readers.__package__}.toy"
-    toy = SimpleNamespace(read=lambda file, _: refused(file, "toy", ()), numbers=lambda *_: "toy")
-    monkeypatch.setitem(sys.modules, package, toy)
-    monkeypatch.setitem(FORMATS, ".toy", Format(package="toy", is_xml=False, head=rb"links"))
-    file, other = tmp_path / "arm.toy", tmp_path / "notes.toy"
-    file.write_text('{"links": []}')
-    other.write_text("{}")
-    assert robot_files([str(file)]).files == [file]
-    assert robots_below(tmp_path) == [file]
-    assert folders.syntax_problem(file) == ""
-    assert readers.read_robot(file).name == "toy"
-    assert str(readers.robot_numbers(file, {})) == "toy"
+def test_ellipsoid_drag_is_left_out_and_reported(tmp_path: Path) -> None:
+    """Confirm that bodies with ellipsoids do not get the drag of boxes."""
+    shaped = EEL.replace(' density="500"', ' density="500" fluidshape="ellipsoid"')
+    prepared = prepare_file(tmp_path, shaped)
+    assert prepared.accelerations() is Outcome.AGREES
+    assert "ellipsoids in a medium" in prepared.left_out
+    assert len(tree_of(prepared.file).immersed) == 2
+
+
+def test_spring_and_damper_flags_disable_drag_and_gravity_compensation(tmp_path: Path) -> None:
+    flags = '<option><flag spring="disable" damper="disable"/></option><worldbody>'
+    text = EEL.replace("<worldbody>", flags).replace('"tail"', '"tail" gravcomp="0.5"')
+    prepared = prepare_file(tmp_path, text)
+    assert prepared.accelerations() is Outcome.AGREES
+    assert tree_of(prepared.file).fluid is None
+
+
+def test_joint_follows_others_through_tendons(prepared: Prepare) -> None:
+    """Choose the joint with the largest coefficient that does not follow or lead another yet."""
+    tree = tree_of(prepared("tied").file)
+    names = [link.name for link in tree.links]
+    couplings = {
+        names[one.follower]: {names[i]: share for i, share in one.leaders} for one in tree.couplings
+    }
+    assert couplings["extend"] == pytest.approx({"yaw": 0.5 / 1.4, "lift": -1.2 / 1.4, "nod": -0.2})
+    assert list(couplings) == ["extend"]
+
+
+def test_nonlinear_equality_is_left_out_and_reported(tmp_path: Path) -> None:
+    text = TIED.replace("0.1 0.7 0 0 0", "0.1 0.7 0.2 0 0")
+    prepared = prepare_file(tmp_path, text)
+    assert "equality constraints" in prepared.left_out
+    assert prepared.outcome() == (Outcome.AGREES, "")
 
 
 def test_include_file_is_not_listed_as_a_robot(tmp_path: Path) -> None:

@@ -21,8 +21,6 @@ from physics_crosscheck.harness.jobs.workers import (
     Failure,
     Limits,
     Workers,
-    is_waiting,
-    processor_seconds,
 )
 
 
@@ -258,11 +256,6 @@ def test_slow_task_does_not_count_as_waiting(
     monkeypatch.setattr("physics_crosscheck.harness.jobs.limits.PATIENCE", 0.1)
     (reason,) = reasons(workers, spin)
     assert "used up its limit of 0.5 processor seconds" in reason
-    assert not is_waiting(1.0, 100.0)
-    assert is_waiting(1.0, 1000.0)
-    began = processor_seconds(os.getpid())
-    while processor_seconds(os.getpid()) == began:
-        pass
 
 
 def test_task_that_ignores_the_limit_signal_is_ended() -> None:

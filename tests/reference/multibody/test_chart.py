@@ -17,18 +17,10 @@ from physics_crosscheck.reference.dynamics.recursion import Recursion
 from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.dynamics.tree_equations import Charted
 from physics_crosscheck.reference.mechanism.assemble import assembled
-from physics_crosscheck.reference.mechanism.bodies import powers
-from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates, coordinate_names
-from physics_crosscheck.reference.mechanism.rotations import (
-    LONG_DOUBLES,
-    Scalars,
-    angular_velocity,
-    coordinate_rate,
-    minimal_coordinates,
-    unit_quaternion,
-)
-from physics_crosscheck.reference.mechanism.tree import WORLD, Kind, TreeError
-from tests.reference.multibody.trees import KINDS, tree
+from physics_crosscheck.reference.mechanism.chart import MinimalCoordinates
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, Scalars
+from physics_crosscheck.reference.mechanism.tree import WORLD, TreeError
+from tests.reference.multibody.trees import tree
 
 TREE = tree(("free", "hinge", "ball", "slide", "free"), 3)
 N = TREE.nv
@@ -101,29 +93,6 @@ def test_energy_of_the_rates_equals_energy_of_the_bodies(
     assert supplied == pytest.approx((translational * rates).sum(axis=0))
 
 
-def test_rotations_and_their_coordinates_are_inverse() -> None:
-    rng = np.random.default_rng(1)
-    p, angular = rng.normal(size=(2, 3, 40))
-    q = unit_quaternion(p)
-    assert np.linalg.norm(q, axis=0) == pytest.approx(1)
-    assert angular_velocity(p, coordinate_rate(p, angular)) == pytest.approx(angular, abs=1e-14)
-    assert minimal_coordinates(-q, q) == pytest.approx(p, abs=1e-13)
-    # Beyond half a turn the nearer of both signs has a negative real part.
-    far = p * (6 / np.linalg.norm(p, axis=0, keepdims=True))
-    assert (unit_quaternion(far)[0] < 0).all()
-    assert minimal_coordinates(-unit_quaternion(far), unit_quaternion(far)) == pytest.approx(
-        far, abs=1e-12
-    )
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_velocity_has_a_name_and_a_unit(kind: Kind) -> None:
-    robot = tree((kind,), 0)
-    names = coordinate_names(kind, "j")
-    assert len(set(names)) == robot.nv
-    assert {unit for _, unit in names} <= {"rad", "m"}
-
-
 DOWN = (0.0, 0.0, -9.81)
 HINGE = Joint(name="a", kind="hinge", axis=(0, 2, 0))
 ROD = RigidBody(name="rod", parent=None, joints=(HINGE,), mass=2.0, inertia=(1, 2, 3, 0, 0, 0))
@@ -163,7 +132,6 @@ def test_nonlinear_spring_and_control_become_force_elements() -> None:
     assert (spring.stiffness, spring.damping, spring.rest) == ((3.0, 2.0), (), (0.1, 0.1))
     assert (drive.constant, drive.stiffness, drive.damping) == (3.5, (5.0,), (0.2,))
     assert assembled([rod], DOWN).tree.links[0].damping == 0.5
-    assert powers(0.0) == powers((0.0, 0.0)) == ()
 
 
 WRONG: list[tuple[Any, str]] = [

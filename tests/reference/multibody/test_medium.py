@@ -28,12 +28,7 @@ from physics_crosscheck.reference.dynamics.tree_equations import Charted, TreeEq
 from physics_crosscheck.reference.mechanism.assemble import assembled, tree_system
 from physics_crosscheck.reference.mechanism.chart import Coupled, MinimalCoordinates
 from physics_crosscheck.reference.mechanism.numeric import Array
-from physics_crosscheck.reference.mechanism.rotations import (
-    LONG_DOUBLES,
-    from_quaternion,
-    quaternion_product,
-    rotation_vector,
-)
+from physics_crosscheck.reference.mechanism.rotations import LONG_DOUBLES, from_quaternion
 from physics_crosscheck.reference.mechanism.tree import (
     WORLD,
     Bushing,
@@ -112,14 +107,6 @@ def test_drag_matches_virtual_power(wind: tuple[float, float, float]) -> None:
     assert lost > 0 or any(wind)
     long = Dynamics(robot, LONG_DOUBLES).force(*map(LONG_DOUBLES.array, (q, v, none)))
     assert Dynamics(robot).force(q, v, none) == pytest.approx(long.astype(float), rel=1e-12)
-
-
-def test_batch_equals_single_states() -> None:
-    robot = immersed(WATER)
-    q, v = state(robot, seed=5, batch=(2, 3))
-    whole = Dynamics(robot).force(q, v, 0 * v)
-    single = Dynamics(robot).force(q[:, 1, 2], v[:, 1, 2], 0 * v[:, 1, 2])
-    assert whole[:, 1, 2] == pytest.approx(single)
 
 
 def test_box_has_the_mass_and_inertia_of_its_body() -> None:
@@ -461,16 +448,6 @@ def test_moment_on_a_ball_and_force_on_a_free_joint(inside: bool) -> None:
 
         _, row = row_of(JointForce(joint=link, gear=gear, in_parent=inside), q)
         assert row == pytest.approx(by_virtual_power(TREE, q, v, power), abs=1e-12)
-
-
-def test_quaternion_and_its_rotation_vector() -> None:
-    axis = np.array([2.0, -1.0, 2.0]) / 3
-    for angle in (0.0, 1e-9, 0.5, 3.0, 3.3, 6.0):
-        turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-        near = angle if angle < np.pi else angle - 2 * np.pi
-        assert rotation_vector(3 * turn) == pytest.approx(near * axis, rel=1e-12, abs=1e-14)
-        twice = quaternion_product(turn, turn)
-        assert twice == pytest.approx([np.cos(angle), *(np.sin(angle) * axis)], abs=1e-14)
 
 
 def sprung() -> Tree:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physics_crosscheck.reference.dynamics.recursion import Recursion
-from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics, solved
+from physics_crosscheck.reference.dynamics.tree_dynamics import Dynamics
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import DOUBLES, LONG_DOUBLES, objects
 from physics_crosscheck.reference.mechanism.tree import Kind, Tree, TreeError, TreeForce
@@ -187,38 +187,6 @@ def test_long_doubles_estimate_the_error_of_doubles(joints: int, tolerance: floa
     size = float(max(abs(float(a)) for a in exact))
     assert np.max(np.abs(error)) < tolerance * size
     assert np.max(np.abs(estimate - error)) < 0.1 * np.max(np.abs(error)) + 1e-16 * size
-
-
-def test_energy_changes_only_by_damping() -> None:
-    """Compare dE/dt = T' + V' with the dampers' power, for every kind of joint."""
-    robot = tree(("free", "hinge", "ball", "slide"), seed=4)
-    q, v = state(robot, seed=8)
-    dynamics = Dynamics(robot, LONG_DOUBLES)
-    wide = LONG_DOUBLES.array(q), LONG_DOUBLES.array(v)
-    a = dynamics.acceleration(*wide, LONG_DOUBLES.array(np.zeros(robot.nv)))
-    h = np.longdouble(1e-6)
-
-    def energy(step: np.longdouble) -> float:
-        """Return the energy along the motion, to the second order in the step."""
-        rate = dynamics.recursion.rates(*wide)
-        later = dynamics.recursion.rates(wide[0] + step * rate, wide[1] + step * a)
-        point = wide[0] + step * (rate + later) / 2, wide[1] + step * a
-        kinetic, potential = dynamics.kinetic(*point), dynamics.potential(point[0])
-        return kinetic + potential  # type: ignore[return-value]  # kept long
-
-    damping = sum(
-        body.damping * float((v[there] ** 2).sum())
-        for body, there in zip(robot.links, robot.velocities, strict=True)
-    )
-    assert float((energy(h) - energy(-h)) / (2 * h)) == pytest.approx(-damping, rel=1e-8)
-
-
-def test_linear_equations_are_solved_in_any_numbers() -> None:
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(5, 5, 4))
-    mass, force = np.einsum("ikb,jkb->ijb", root, root), rng.normal(size=(5, 4))
-    wide = solved(LONG_DOUBLES.array(mass), LONG_DOUBLES.array(force))
-    assert np.max(np.abs(wide - solved(mass, force))) < 1e-10 * float(np.max(np.abs(wide)))
 
 
 def test_link_before_its_parent_is_rejected() -> None:
