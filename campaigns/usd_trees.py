@@ -269,8 +269,8 @@ def main(given: Sequence[str] | None = None) -> int:
                 task = model_task(prepare_tree(path), chosen.engine)
                 case = run_case(task)
                 if case.outcome == "DIFFERS":
-                    own = task.load()[0].corrective_settings.values()
-                    off = {key: value for one in own for key, value in one.items()}
+                    settings = task.load()[0].corrective_settings.values()
+                    off = {key: value for one in settings for key, value in one.items()}
                     case = run_case(task.with_settings(**off))
                 refused += case.outcome == "REFUSED"
                 is_right = case.outcome in ("AGREES", "REFUSED")

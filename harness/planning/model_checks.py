@@ -25,8 +25,8 @@ from .prepared import TargetFacts, task_function
 
 def faults_here(findings: Sequence[AuditFinding], engine: str) -> tuple[AuditFinding, ...]:
     """Return findings; advice about what an installed engine does not follow is a fault there."""
-    adapter = engines()[engine]
-    kinds = adapter.unfollowed if adapter.version() is not None else ()
+    adapter = engines().get(engine)
+    kinds = adapter.unfollowed if adapter and adapter.version() is not None else ()
     return tuple(replace(one, severity="finding") if one.kind in kinds else one for one in findings)
 
 

@@ -172,7 +172,7 @@ def test_engine_errors_name_the_user_file(urdf: Path, workers: Workers) -> None:
     rows = run_block(only_block(whole(urdf, workers, wrong, engines=("mujoco",))))
     for row in rows:
         assert row.outcome is Outcome.FAILED
-        assert row.reason.startswith(f"{urdf}: MuJoCo can't load it")
+        assert row.reason.startswith(f"{urdf}:4: MuJoCo can't load it")
         assert "drawn-" not in row.reason
 
 

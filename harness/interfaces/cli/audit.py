@@ -13,7 +13,6 @@ from msgspec import structs
 from rich.console import Console
 
 from physics_crosscheck.harness.audits import ModelAudit, audits
-from physics_crosscheck.harness.checks.plausibility.usd import repaired
 from physics_crosscheck.harness.documents.reading import USD_SUFFIXES, apply_edits, read_regular
 from physics_crosscheck.harness.modelfiles.folders import (
     FORMATS,
@@ -140,8 +139,11 @@ def fix(model_audits: Iterable[ModelAudit]) -> bool:
             repairs.setdefault(where.file, {})[where.span] = where.text, finding.replacement
     fixed = False
     for target, findings in {one.target: one.findings for one in model_audits}.items():
-        text = repaired(target, findings) if target.suffix in USD_SUFFIXES else ""
-        if text:
+        if target.suffix not in USD_SUFFIXES:
+            continue
+        from physics_crosscheck.harness.checks.plausibility.usd import repaired
+
+        if text := repaired(target, findings):
             layer = target.with_suffix(".fixed.usda")
             write_whole(layer, text.encode())
             print(f"wrote {shown_path(str(layer))}, a layer over {target.name}")
