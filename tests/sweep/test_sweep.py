@@ -270,12 +270,12 @@ plan.BLOCK = store.PART = 1
 """
 # Kill the process when its third part is written.
 KILLED = """
-flush = store.Store.flush
-def flush_and_die(self):
-    flush(self)
+close = store.Store.close
+def close_and_die(self):
+    close(self)
     if len(list(self._folder.glob("part-*"))) == 3:
         os.kill(os.getpid(), signal.SIGKILL)
-store.Store.flush = flush_and_die
+store.Store.close = close_and_die
 """
 RUN = """
 from physics_crosscheck.harness.interfaces.cli.main import main
