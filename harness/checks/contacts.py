@@ -530,10 +530,13 @@ def _off_surface(
         near = point - share * contact.distance * normal
         far = near + contact.distance * normal
     elif mine.kind == "plane" or (theirs.kind != "plane" and mine.kind in ROUND):
-        near = point - normal * mine.height(point)[0]
+        # Inside of a shape, another side may be closer.
+        outside = point + abs(contact.distance) * normal
+        near = outside - normal * mine.height(outside)[0]
         far = near + contact.distance * normal
     else:
-        far = point + normal * theirs.height(point)[0]
+        outside = point - abs(contact.distance) * normal
+        far = outside + normal * theirs.height(outside)[0]
         near = far - contact.distance * normal
     if isinstance(contact, ImpulseContact):
         far = contact.other

@@ -25,7 +25,7 @@ MIMIC = (
 
 
 @pytest.mark.parametrize(("name", "words"), [
-    ("dart", "a servo in DART, of which its leader feels nothing; velocity of j off"),
+    ("dart", "a servo in DART, of which its leader feels nothing; j accelerates"),
     ("sapien", "a spring of 1e5 N/m or N m/rad in SAPIEN, or nothing; j off by"),
 ])  # fmt: skip
 def test_sentence_on_a_loose_mimic_names_it_with_its_line(
@@ -40,6 +40,17 @@ def test_sentence_on_a_loose_mimic_names_it_with_its_line(
     ((first, *_),) = (one.unexplained_findings for one in results.models)
     assert first.location is not None
     assert first.location.line
+
+
+def test_contact_of_nested_spheres_is_where_it_should_be(tmp_path: Path) -> None:
+    """Catch ends that are sought at the far side of a sphere deep inside another one."""
+    need("drake")
+    ball = '<collision><origin xyz="0 0 {}"/><geometry><sphere radius="{}"/></geometry></collision>'
+    follower = MIMIC.replace('"g"', '"a"').replace('<mimic joint="j" multiplier="2"/>', "")
+    text = urdf(extra=follower.replace(BODY, BODY + ball.format(0.08, 0.22)))
+    file = tmp_path / "nested.urdf"
+    file.write_text(text.replace(BODY, BODY + ball.format(0, 0.001), 1))
+    assert "Drake follows nested.urdf" in headline(check(file, engines=["drake"]))[-1]
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "idyntree"])
