@@ -22,6 +22,7 @@ from physics_crosscheck.harness.engines.runge_kutta import FREE, each_alone
 from physics_crosscheck.harness.engines.source import load_failure, one_line
 from physics_crosscheck.harness.engines.stepped_here import (
     ADDED_HERE,
+    CAPABILITIES,
     SteppedHere,
     dampers_not_added,
 )
@@ -58,16 +59,7 @@ class IdyntreeEngine(UrdfEngine):
     name = package = distribution = extra = "idyntree"
     title = "iDynTree"
     defaults = DEFAULTS
-    capabilities = (
-        "joints: slide, hinge, floating root",
-        "springs: added by the adapter",
-        "mimic: held by the adapter",
-        "next state: yes",
-        "accelerations: yes",
-        "linearization: from steps",
-        "steps: RK4 by the adapter, order 4",
-        "whole step: not judged",
-    )
+    capabilities = CAPABILITIES
     default_settings_note = "no step, since it takes none, and no gravity"
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (dampers_not_added("iDynTree"),)

@@ -18,7 +18,7 @@ from physics_crosscheck.harness.engines.protocol import (
     Spring,
     clip_ranges,
 )
-from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
 from physics_crosscheck.harness.engines.tree_model import TreeModel, Weight
 from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
 
@@ -239,15 +239,8 @@ class MjcfModel(TreeModel):
         for joint in self.declared.singles:
             i, address = self.coordinates.index(joint.name), f"body/joint[{joint.name}]"
             if joint.friction and not self.settings["smooth"]:
-                yield Remark(
-                    kind="dry friction",
-                    message=f"frictionloss of {joint.name} is {joint.friction:g};"
-                    f" {self.title} ignores it",
-                    subject=(joint.name, self.title, "frictionloss"),
-                    fault=True,
-                    address=f"{address}@frictionloss",
-                    value=joint.friction,
-                )
+                place = f"{address}@frictionloss"
+                yield friction_remark("frictionloss", joint.name, joint.friction, self.title, place)
             if np.isfinite(stops[i]).any():
                 yield from limit_remarks(
                     joint.name,

@@ -52,6 +52,20 @@ POSITION_FORCE_TERMS = ("rest", "stiffness")
 """Compiled terms of a force that depends on positions only."""
 
 
+def friction_remark(
+    attribute: str, joint: str, friction: float, engine: str, address: str
+) -> Remark:
+    """Return the remark that an engine ignores the dry friction of a joint, N or N m."""
+    return Remark(
+        kind="dry friction",
+        message=f"{attribute} of {joint} is {friction:g}; {engine} ignores it",
+        subject=(joint, engine, "friction"),
+        fault=True,
+        address=address,
+        value=friction,
+    )
+
+
 def limit_remarks(
     name: str,
     *,

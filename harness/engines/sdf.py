@@ -7,7 +7,7 @@ from types import MappingProxyType
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile, read_sdf
 from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
-from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
 from physics_crosscheck.harness.engines.source import read_document, refuse_problems
 from physics_crosscheck.harness.engines.urdf import UrdfReader
 
@@ -64,15 +64,8 @@ def sdf_remarks(
                 address=f"model/joint[{name}]",
             )
         if joint.friction and reader.no_friction:
-            yield Remark(
-                kind="dry friction",
-                message=f"<friction> of {name} is {joint.friction:g};"
-                f" {reader.no_friction} ignores it",
-                subject=(name, reader.name, "friction"),
-                fault=True,
-                address=f"joint[{name}]/axis/dynamics/friction",
-                value=joint.friction,
-            )
+            place = f"joint[{name}]/axis/dynamics/friction"
+            yield friction_remark("<friction>", name, joint.friction, reader.no_friction, place)
 
 
 SDF_NON_PHYSICAL: Mapping[str, str] = MappingProxyType(

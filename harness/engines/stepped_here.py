@@ -29,6 +29,18 @@ ADDED_HERE: Mapping[str, bool] = MappingProxyType({
 })  # fmt: skip
 """Settings of such an engine."""
 
+CAPABILITIES = (
+    "joints: slide, hinge, floating root",
+    "springs: added by the adapter",
+    "mimic: held by the adapter",
+    "next state: yes",
+    "accelerations: yes",
+    "linearization: from steps",
+    "steps: RK4 by the adapter, order 4",
+    "whole step: not judged",
+)
+"""Features of such an engine."""
+
 
 class SteppedHere(TreeModel):
     """Such a tree, with joint dampers that the engine reads but ignores, added by the adapter.

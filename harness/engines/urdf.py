@@ -16,7 +16,7 @@ from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile
 from physics_crosscheck.harness.documents.urdf import UrdfFile, UrdfJoint, read_urdf
 from physics_crosscheck.harness.engines.protocol import Array, Sample
-from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
 from physics_crosscheck.harness.engines.source import read_document, refuse_problems, refused
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
@@ -212,14 +212,12 @@ def _axis(reader: UrdfReader, joint: UrdfJoint) -> Iterator[Remark]:
 
 def _friction(reader: UrdfReader, joint: UrdfJoint) -> Iterator[Remark]:
     if joint.friction and reader.no_friction:
-        yield Remark(
-            kind="dry friction",
-            message=f"<dynamics friction> of {joint.name} is {joint.friction:g};"
-            f" {reader.no_friction} ignores it",
-            subject=(joint.name, reader.name, "friction"),
-            fault=True,
-            address=f"robot/joint[{joint.name}]",
-            value=joint.friction,
+        yield friction_remark(
+            "<dynamics friction>",
+            joint.name,
+            joint.friction,
+            reader.no_friction,
+            f"robot/joint[{joint.name}]",
         )
 
 

@@ -45,7 +45,11 @@ from physics_crosscheck.harness.engines.protocol import (
 from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.harness.engines.runge_kutta import FREE
 from physics_crosscheck.harness.engines.source import temporary_file
-from physics_crosscheck.harness.engines.stepped_here import ADDED_HERE, dampers_not_added
+from physics_crosscheck.harness.engines.stepped_here import (
+    ADDED_HERE,
+    CAPABILITIES,
+    dampers_not_added,
+)
 from physics_crosscheck.harness.engines.urdf import (
     URDF_NON_PHYSICAL,
     UrdfReader,
@@ -252,16 +256,7 @@ class PinocchioEngine(UrdfEngine):
     formats = (".urdf", ".xml")
     package, distribution, extra = "pinocchio", "pin", "pinocchio"
     defaults = DEFAULTS
-    capabilities = (
-        "joints: slide, hinge, floating root",
-        "springs: added by the adapter",
-        "mimic: held by the adapter",
-        "next state: yes",
-        "accelerations: yes",
-        "linearization: from steps",
-        "steps: RK4 by the adapter, order 4",
-        "whole step: not judged",
-    )
+    capabilities = CAPABILITIES
     default_settings_note = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
     non_physical = MappingProxyType({**URDF_NON_PHYSICAL, **MJCF_NON_PHYSICAL})
