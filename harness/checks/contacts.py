@@ -423,6 +423,10 @@ class _Judge:
         error = EXACT * size + 2 * (off + turned * extent_of(first, other))
         if "cylinder" in (first.kind, other.kind):
             error += MIN_TILT * extent_of(first, other)
+        cosine, kinds = abs(float(first.axis @ other.axis)), {first.kind: first, other.kind: other}
+        stands = kinds.keys() == {"plane", "cylinder"} and 1 - cosine < model.standing_cosine
+        if exact is not None and stands:  # the engine takes its rim for level
+            exact = exact[0] + kinds["cylinder"].size[0] * np.sqrt(1 - cosine**2), exact[1]
         if exact is not None and model.finds_exactly(first.kind, other.kind):
             return _Expected(*exact, exact=True, error=error)
         if model.shape_error or not {first.kind, other.kind} <= FLAT:

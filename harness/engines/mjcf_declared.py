@@ -67,20 +67,10 @@ class JointForces:
     refs: Mapping[str, float]
 
     def springs(self) -> Iterator[Spring]:
-        """Yield the springs of slides and hinges.
-
-        Raises:
-            EngineError: for springs of other joints.
-        """
-        on = not self.source.disabled("spring")
+        """Yield the springs of slides and hinges."""
         for name, joint in self.joints.items():
-            if joint.kind in (SLIDE, HINGE):
-                if joint.stiffness and on:
-                    yield Spring({name: 1.0}, joint.stiffness, 0.0, joint.rest)
-            elif joint.stiffness:
-                raise self.source.unsupported(
-                    joint.element, f"a spring of a {joint.kind} joint is not added here"
-                )
+            if joint.kind in (SLIDE, HINGE) and joint.stiffness:
+                yield Spring({name: 1.0}, joint.stiffness, 0.0, joint.rest)
 
     def tendons(self) -> Iterator[Spring]:
         """Yield springs and dampers of fixed tendons.

@@ -131,7 +131,7 @@ class MjcfModel(TreeModel):
         self.floats = bool(self.declared.frees)
         self.drawn: dict[str, Array] = {}
         there = {
-            "springs": self.declared.springs,
+            "springs": self.declared.springs or any(one.stiffness for one in self.declared.frees),
             "tendons": self.declared.tendons,
             "equalities": self.declared.mimics,
             "gravcomp": self.declared.lifts,

@@ -98,7 +98,7 @@ def _joint(
         kind=kind,
         ref=number("ref") * turn,
         limits=_limits(source, element, attributes, turn),
-        stiffness=number("stiffness"),
+        stiffness=0.0 if source.disabled("spring") else number("stiffness"),
         rest=number("springref") * turn,
         damping=0.0 if source.disabled("damper") else number("damping"),
         armature=number("armature"),

@@ -423,6 +423,7 @@ class WholeModel(ABC):
         floor: height of the floor under a floating root, m; None without one.
         point_share: where a contact's position is between its two surfaces, 0 on the first one;
             None if that depends on other numbers.
+        standing_cosine: by which a cosine differs from 1 where a tilted cylinder counts as upright.
         frame_errors: largest errors of places of shapes that the engine knows of, m and rad.
         shape_error: by which contacts that it does not compute by a closed form are early, m.
         peer: name of an engine that finds contacts of the same file, as `peer_contacts`.
@@ -438,6 +439,7 @@ class WholeModel(ABC):
     rules: Rules | None = None
     floor: float | None = None
     point_share: float | None = None
+    standing_cosine: float = 0.0
     frame_errors: tuple[float, float] = (0.0, 0.0)
     shape_error: float = 0.0
     peer: str = ""

@@ -21,7 +21,7 @@ MJCF = """<mujoco>
 <geom name="foot" type="sphere" size="0.05" pos="0 0 -0.2" mass="0.5" friction="0.9"/></body>
 <body name="arm" pos="0 0.1 -0.1"><joint name="elbow" axis="1 0 0" damping="0.2"/>
 <geom name="hand" type="capsule" size="0.04 0.1" mass="0.4" contype="1"/></body>
-</body></worldbody>
+</body></worldbody><contact><pair geom1="hand" geom2="trunk"/></contact>
 <contact><exclude body1="leg" body2="arm"/></contact>
 <equality><joint joint1="hip" joint2="elbow" polycoef="0 0.5"/></equality>
 <tendon><fixed name="cord" range="-1 1"><joint joint="hip" coef="1"/></fixed></tendon>
@@ -84,6 +84,7 @@ RED = (
     ('contype="1"', 'contype="1" surfacevel="0.1 0 0 0 0 0"', "surfacevel", 13),
     ('<contact><exclude body1="leg" body2="arm"/></contact>', "", "contacts", 0),
     ("<exclude ", '<pair geom1="floor" geom2="foot" friction="1 1 1 1 1"/><exclude ', "pair", 0),
+    ("<pair ", '<pair geom1="trunk" geom2="hand"/><pair ', "pair", 0),
     ('friction="0.9"', 'friction="1.9"', "friction[0] of geom foot", 11),
     ('polycoef="0 0.5"', 'polycoef="0 0.6"', "polycoef", 16),
     ("<equality>", '<equality><weld body1="arm"/>', "weld", 0),

@@ -305,7 +305,6 @@ def test_free_body_is_aligned_with_its_inertia_as_in_mujoco(
 @pytest.mark.parametrize(("bodies", "extra", "why"), [
     (ARM, '<option density="1.2"/>', "1: a medium"),
     (ARM.replace('"hinge"', '"ball"'), "", "2: a ball joint"),
-    (f'<body><joint type="free" stiffness="2"/>{AWAY}</body>', "", "2: a spring of"),
     (f'<frame pos="1 0 0">{ARM}</frame>', "", "2: <frame> with content that moves"),
     (ARM.replace('mass="2"', 'mass="0"'), "", "2: an inertia without mass"),
     (ARM.replace(hinge(), hinge(more='stiffness="1 2"')), "", "polynomials are not supported"),
@@ -401,15 +400,17 @@ def test_bodies_without_names_are_counted_as_in_mujoco(tmp_path: Path) -> None:
         np.testing.assert_allclose(actual, expected, atol=1e-14)
 
 
-def test_armature_and_damping_of_free_joints_act_along_the_worlds_axes(tmp_path: Path) -> None:
+def test_armature_damping_and_springs_of_free_joints_act_as_in_mujoco(tmp_path: Path) -> None:
     child = f'<body pos="0.1 0.2 0.3">{hinge()}{AWAY}</body>'
-    bodies = f'<body><joint name="f" type="free" armature="2" damping="3"/>{AWAY}{child}</body>'
+    free = '<joint name="f" type="free" armature="2" damping="3" stiffness="4"/>'
+    bodies = f'<body pos=".3 .2 .1" euler="20 30 40">{free}{AWAY}{child}</body>'
     light = bodies.replace('"f"', '"g"').replace('"2"', '"0.3"', 1).replace('"j"', '"k"')
-    path = write(tmp_path, bodies + light)
+    path = write(tmp_path, bodies + light.replace('"4"', '"7"').replace("20 30", "70 -50"))
     model, mujoco = mjcf("pinocchio", path), mjcf("mujoco", path, EXACT)
     assert off(model, mujoco) < 1e-13
-    with pytest.raises(UnsupportedError, match="2: armature of a free joint, which Drake"):
-        mjcf("drake", path)
+    for key in ("armature", "stiffness"):
+        with pytest.raises(UnsupportedError, match=f"2: {key} of a free joint, which Drake"):
+            mjcf("drake", write(tmp_path, f'<body><joint type="free" {key}="2"/>{AWAY}</body>'))
 
 
 @pytest.mark.parametrize("name", PARTIAL_READERS)

@@ -41,7 +41,8 @@ HIP = f"""<mujoco><worldbody>{_CAPSULE}<body pos="-.2 -.2 0"><joint range="-30 3
 """Capsules whose axes meet at a hinge, where any normal is right."""
 
 TILTED = URDF_BOX.replace('"0 0 0"/><geometry><box', '"0 0 0" rpy="0 5e-5 0"/><geometry><box')
-"""A box on the floor, with a tilt that FCL neglects."""
+UPRIGHT = re.sub("<box[^>]*>", '<cylinder radius=".2" length=".2"/>', TILTED)
+"""A box and a cylinder on the floor, with a tilt that FCL neglects."""
 
 
 def check(
@@ -83,7 +84,7 @@ def _no_change(whole: Any) -> None:
 @pytest.mark.parametrize(
     ("text", "engine"),
     [(SCENES["plane"], "mujoco"), (SCENES["slab"], "mujoco"), (HIP, "mujoco"), (URDF_BOX, "mujoco"),
-     (URDF_BOX, "pybullet"), (TILTED, "drake")],
+     (URDF_BOX, "pybullet"), (TILTED, "drake"), (UPRIGHT, "drake")],
 )  # fmt: skip
 def test_right_contacts_agree(tmp_path: Path, text: str, engine: str) -> None:
     """Catch a false alarm, and contacts that no one judges."""

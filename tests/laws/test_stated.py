@@ -79,6 +79,7 @@ SCENES = {
     "classes": CLASSES, "places": PLACES, "frames": FRAMES, "aligned": ALIGNED, "drives": DRIVES,
     "limits": LIMITS, "joints": JOINTS, "connect": CONNECT, "weld": WELD, "pair": PAIR,
     **{f"touch {dimension}": scene for dimension, scene in TOUCH.items()},
+    "pair twice": PAIR.replace("<pair ", '<pair geom1="box" geom2="floor" condim="1"/><pair '),
 }  # fmt: skip
 
 

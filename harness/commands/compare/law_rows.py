@@ -177,11 +177,12 @@ class SoftRows:
         for i, surface in enumerate(laws.surfaces):
             subject = f"geom {shape_names(self.compiled)[i] or ' of '.join(keys[i][::-1])}"
             yield self._row(("surfaces", *keys[i]), subject, i, surface, ("geom", i))
+        count = Counter[Key]()
         for i, (first, other, touch) in enumerate(laws.pairs):
-            both = sorted((keys[first], keys[other]))
-            yield self._row(
-                ("pairs", *both[0], "", *both[1]), f"pair #{i + 1}", i, touch, ("pair", i)
-            )
+            first_key, other_key = sorted((keys[first], keys[other]))
+            count[key := ("pairs", *first_key, "", *other_key)] += 1
+            same = () if count[key] == 1 else (f"#{count[key]}",)
+            yield self._row((*key, *same), f"pair #{i + 1}", i, touch, ("pair", i))
 
     def _equality(self, equality: SoftEquality) -> tuple[Key, str]:
         """Return the key of an equality, what it holds, and its name for people."""

@@ -289,7 +289,7 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
         for free in self.declared.frees:
-            for key in ("armature", "damping"):
+            for key in ("armature", "damping", "stiffness"):
                 if getattr(free, key):
                     raise self.declared.source.unsupported(
                         free.element,

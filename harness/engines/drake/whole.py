@@ -72,6 +72,7 @@ class DrakeWhole(UndrivenWhole):
         "couplings released", "contact_model=point",
         "a floor of friction 1 under a floating root",
     )  # fmt: skip
+    standing_cosine = 1e-7  # FCL's `halfspaceIntersectTolerance`: tilts below 4.5e-4 rad
 
     def __init__(self, model: DrakeModel, robot: XmlElement, uncovered: tuple[str, ...]) -> None:
         from pydrake.systems.framework import DiagramBuilder

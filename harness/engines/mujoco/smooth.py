@@ -213,7 +213,7 @@ def uncovered(m: Any) -> tuple[str, ...]:
     lifted = bool(np.any(m.body_gravcomp)) and bool(np.any(m.jnt_actgravcomp))
     features = {
         "flexible bodies": bool(getattr(m, "nflex", 0)),
-        "plugins": bool(m.nplugin),
+        "plugins": m.nplugin > len({*map(int, m.sensor_plugin)} - {-1}),  # sensors exert no force
         # MuJoCo counts it among the forces of actuators, which this flag takes away.
         "gravity compensation by actuators that are off": lifted and not acts(m, "ACTUATION"),
     }

@@ -93,16 +93,22 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             _enable_contacts(root)
         drawn = self._read(root) if self.floats else None
         model = self._read(without_pose(root))
-        names = self._names(model)
+        names, springs = self._names(model), list[tuple[float, Array]]()
         for free in self.declared.frees:
             if not model.existJointName(free.name):
                 continue  # of a root that Pinocchio does not read
             self.drawn[free.name] = _drawn(drawn, free.name)
+            position = drawn.joints[drawn.getJointId(free.name)].idx_q
+            rest = np.array(drawn.referenceConfigurations["qpos0"])[position : position + 7]
+            rest[3:] = rest[[6, 3, 4, 5]] * [1, -1, -1, -1]
+            springs.append((free.stiffness * bool(self.settings["springs"]), rest))
             start = model.joints[model.getJointId(free.name)].idx_v
             model.armature[start : start + FREE] = free.armature
             model.damping[start : start + FREE] = free.damping
         refs = {one.name: one.ref for one in self.declared.singles}
         self.take(model, names, refs, self.mimics)
+        pairs = zip(self._frees, springs, strict=True)
+        self._frees = [free._replace(stiffness=k, rest=rest) for free, (k, rest) in pairs]
         self.misread = not resolved and (
             self._differs_from_defaults(model) or any(_unread(self.declared))
         )

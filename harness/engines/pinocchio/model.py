@@ -21,8 +21,10 @@ from physics_crosscheck.harness.engines.tree_model import (
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     from_quaternion,
+    quaternion_product,
     rotate,
     rotate_back,
+    rotation_vector,
 )
 
 
@@ -121,6 +123,8 @@ class _Free(NamedTuple):
     quaternion: slice
     armature: float
     damping: float
+    stiffness: float = 0.0
+    rest: Array = np.zeros(7)  # origin and conjugate quaternion, real part first
 
     def carried(self, velocities: Array) -> Array:
         """Return what turning axes add to the linear acceleration, (B, 3)."""
@@ -236,6 +240,11 @@ class PinocchioModel(SteppedHere):
             turn, (place, _) = from_quaternion(x[:, free.turn[1]].T), free.origin
             velocities[:, place] = rotate_back(turn, m[:, place].T).T
             forces[:, place] = rotate_back(turn, f[:, place].T).T
+            if free.stiffness:  # along the world's axes, and a rotation vector
+                pull = x[:, free.origin[1]] - free.rest[:3]
+                twist = quaternion_product(free.rest[3:, None], x[:, free.turn[1]].T)
+                forces[:, place] -= free.stiffness * rotate_back(turn, pull.T).T
+                forces[:, free.turn[0]] -= free.stiffness * rotation_vector(twist).T
             if free.damping:
                 for part in (place, free.turn[0]):
                     forces[:, part] -= free.damping * velocities[:, part]

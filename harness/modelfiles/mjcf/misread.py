@@ -189,10 +189,11 @@ def _compiled_rows(
         yield ("equality", i), _equality(equality)
     for i, surface in enumerate(() if stated.overrides else laws.surfaces):
         yield ("geom", i), surface_values(surface)
-    pairs = stated.pairs
+    pairs = dict(enumerate(stated.pairs))
     for first, other, touch in () if stated.overrides else laws.pairs:
-        shapes = frozenset((first, other))
-        yield ("pair", pairs.index(shapes) if shapes in pairs else -1), attributes(touch)
+        index = next((i for i, shapes in pairs.items() if shapes == {first, other}), -1)
+        pairs.pop(index, None)  # a file may state a pair twice, and both act
+        yield ("pair", index), attributes(touch)
     for i, drive in enumerate(laws.drives):
         yield ("drive", i), {
             **_drive(drive), "gear": _pairs(compiled, compiled.paths[drive.path])
