@@ -81,7 +81,7 @@ def robots_in(folder: Path) -> Iterator[UsdRobot]:
 
 
 def _has_bodies(path: Path) -> bool:
-    """Return whether a stage has rigid bodies or can't be opened, and is no pointer of Git LFS."""
+    """Return whether a stage has rigid bodies or fails to open; ignore pointers of Git LFS."""
     if path.read_bytes().startswith(b"version https://git-lfs"):
         print(f"{path}: only a pointer of Git LFS", file=sys.stderr)
         return False
