@@ -68,15 +68,12 @@ ON_BODY = (
 )  # fmt: skip
 """Edits that place the articulation root on the body of the base."""
 
-LOOP = (
-    'def PhysicsRevoluteJoint "a"',
-    """def PhysicsSphericalJoint "loop" {
+LOOP = 'def PhysicsRevoluteJoint "a"', """def PhysicsSphericalJoint "loop" {
     uniform bool physics:excludeFromArticulation = 1
     rel physics:body0 = </r/c_link>
     rel physics:body1 = </r/d_link>
 }
-def PhysicsRevoluteJoint "a\"""",
-)
+def PhysicsRevoluteJoint "a\""""  # fmt: skip
 SLIDES = ("RevoluteJoint", "PrismaticJoint"), (":angular", ":linear")
 STATED = (
     ('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]'),
