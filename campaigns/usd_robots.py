@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from pxr import Tf, Usd, UsdPhysics
 
 from campaigns.real_models.packages import folder_of
 from physics_crosscheck.harness.checks.plausibility.facts import RobotFacts
@@ -80,11 +81,15 @@ def robots_in(folder: Path) -> Iterator[UsdRobot]:
 
 
 def _has_bodies(path: Path) -> bool:
-    """Return whether a layer states rigid bodies, which a pointer of Git LFS does not."""
-    data = path.read_bytes()
-    if data.startswith(b"version https://git-lfs"):
+    """Return whether a stage has rigid bodies or fails to open; ignore pointers of Git LFS."""
+    if path.read_bytes().startswith(b"version https://git-lfs"):
         print(f"{path}: only a pointer of Git LFS", file=sys.stderr)
-    return b"RigidBodyAPI" in data
+        return False
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        return True
+    return any(prim.HasAPI(UsdPhysics.RigidBodyAPI) for prim in stage.TraverseAll())
 
 
 def command(*words: object) -> tuple[int, str]:

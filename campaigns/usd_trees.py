@@ -4,7 +4,7 @@
 the reader has them, with the equations of `campaigns.mechanisms`, which share no code with it.
 `--engine newton` also runs each file there, with SI units and without
 the engine's own behaviours, and expects that it agrees.
-The exit code is 1 if any is wrong.
+The exit code is 1 if any is wrong, or the engine refuses all.
 
 The representation is drawn: units, up axis, joint axis with local frames, order of the two bodies,
 principal axes or a tensor, drives and damping, nested or flat bodies below a moved root, and one
@@ -281,7 +281,7 @@ def main(given: Sequence[str] | None = None) -> int:
         if errors:
             print(f"{index}: {'; '.join(errors)}", flush=True)
     print(f"{chosen.count} files, {wrong} wrong, {refused} refused by the engine")
-    return int(wrong > 0)
+    return int(wrong > 0 or refused == chosen.count)
 
 
 if __name__ == "__main__":

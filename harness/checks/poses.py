@@ -337,7 +337,7 @@ def _lines(task: ModelTask[Prepared]) -> Mapping[str, int]:
     if isinstance(task.target, PreparedTree) and task.sidecar is None:
         return task.target.lines
     with suppress(RobotError, EngineError):
-        return {part.name: part.line for part in read_as_it_runs(task.file, {}).parts}
+        return read_as_it_runs(task.file, {}).lines
     return {}
 
 

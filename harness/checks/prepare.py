@@ -548,7 +548,7 @@ def prepare_tree(
         settings=settings_of(robot),
         left_out=left_out,
         findings=(*robot_findings(robot), *plausibility_findings(robot)),
-        lines={part.name: part.line for part in robot.parts},
+        lines=robot.lines,
         placed=robot.placed,
     )
     return _finished(prepared, began, {})

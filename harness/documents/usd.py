@@ -117,7 +117,10 @@ class UsdStage:
         finally:
             delegate.TakeUncoalescedDiagnostics()
         if errors:
-            raise LocationError(f"does not compose: {_one_line(errors[0])}", file=path)
+            first = min(map(str, errors), key=lambda one: "Could not" not in one)  # missing layers
+            reason = first.replace(f"{os.path.abspath(path.parent)}/", "")
+            problem = LocationError(f"does not compose: {_one_line(reason)}", file=path)
+            raise problem.with_remedy("add or correct what it names")
         self.unit = float(pxr.UsdGeom.GetStageMetersPerUnit(self.stage))
         self.mass_unit = float(pxr.UsdPhysics.GetStageKilogramsPerUnit(self.stage))
         if not 0 < min(self.unit, self.mass_unit) <= max(self.unit, self.mass_unit) < math.inf:

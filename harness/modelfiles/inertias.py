@@ -43,7 +43,7 @@ def impossible_inertias(robot: Robot) -> tuple[ReadError, ...]:
             kind=kind,
             link=part.name,
             sentence=f"link {quote(part.name)} {sentence}",
-            file=robot.file,
+            file=part.file or robot.file,
             line=part.line,
             remedy="its digits are rounded, so that some engines refuse it: write more of them"
             if (rounded := kind not in exact)

@@ -53,6 +53,7 @@ class LinkPart:
     Attributes:
         link: with its numbers.
         line: of its element, from 1; 0 if unknown.
+        file: with that line, if it is not the robot's.
         body: index of the tree's link that contains it; `WORLD` for fixed parts, and without a
             tree.
         rounding: half units of the last written digits of its tensor, in sum, kg m^2.
@@ -62,6 +63,7 @@ class LinkPart:
     line: int
     body: int = WORLD
     rounding: float = 0.0
+    file: Path | None = None
 
     @property
     def name(self) -> str:
@@ -147,6 +149,11 @@ class Robot:
     stated: Mapping[str, object] = field(default_factory=dict)
     repeated: tuple[ReadError, ...] = ()
     selection: str = ""
+
+    @property
+    def lines(self) -> Mapping[str, int]:
+        """Lines of links in its file, by name."""
+        return {one.name: one.line for one in self.parts if one.file in (None, self.file)}
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

@@ -1,6 +1,7 @@
 """The first sentences of a result: robot, engine, fault and effect, before any count."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import PurePath
 
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.records.case import Case, Verdict
@@ -55,10 +56,12 @@ def _doubtful_number(results: Results) -> list[str]:
     ((_, name), (first, *others)) = next(iter(files.items()))
     code = find_code(first.code)
     title = "An implausible number" if code is None else code.title.removesuffix(".")
-    line = None if first.location is None else first.location.line
+    place = first.location
+    if place is not None and place.line:
+        name = f"{PurePath(place.file).name}:{place.line}"
     title += f" ({listed(first.subject, NAMED)})" if first.subject else ""
     more = f"; {counted(len(others), 'more implausible number')}" if others else ""
-    return [f"{name}{f':{line}' if line else ''}: {title[0].lower()}{title[1:]}{more}"]
+    return [f"{name}: {title[0].lower()}{title[1:]}{more}"]
 
 
 def _file(case: Case | Model) -> str:

@@ -65,12 +65,14 @@ def test_a_freed_root_is_a_fault_where_an_installed_engine_frees_it(
 
 
 def test_repairs_roots_and_quaternions_in_a_layer(tmp_path: Path) -> None:
-    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")
+    roots = f'{ROOT}, "NewtonArticulationRootAPI"'
+    on_body = (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{roots}, ")
     findings = advice(tmp_path, *on_body, ("Axes = (1, 0", "Axes = (0.5, 0.5"))
     assert {one.code for one in findings} == {"XC187", "XC192"}
     layer = tmp_path / "arm.fixed.usda"
     layer.write_text(repaired(tmp_path / "arm.usda", findings))
     assert "@./arm.usda@" in layer.read_text()
+    assert f"delete apiSchemas = [{roots}]" in layer.read_text()
     assert [*plausibility_findings(read(layer, {}))] == []
 
 

@@ -186,8 +186,13 @@ def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
 def test_a_mass_below_the_precision_of_motions_differs_by_the_equations(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    usd(tmp_path, edited())
-    (tmp_path / "b.usda").write_text(edited(("physics:mass = 1.5", "physics:mass = 1.5003")))
+    damping = "float newton:damping"
+    usd(tmp_path, edited((damping, f"float newton:velocityLimit = 90\n{damping}")))
+    heavier = ("physics:mass = 1.5", "physics:mass = 1.5003")
+    faster = (damping, f"float newton:velocityLimit = 180\n{damping}")
+    (tmp_path / "b.usda").write_text(edited(heavier, faster))
     files = [str(tmp_path / name) for name in ("arm.usda", "b.usda")]
     assert main(["compare", *files, "--out", str(tmp_path / "out")]) == 1
-    assert "mass of link upper: 1.5" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert "mass of link upper: 1.5" in output
+    assert "velocity of joint elbow: 1.57079633 in A, 3.14159265 in B" in " ".join(output.split())

@@ -68,6 +68,12 @@ ON_BODY = (
 )  # fmt: skip
 """Edits that place the articulation root on the body of the base."""
 
+LOOP = 'def PhysicsRevoluteJoint "a"', """def PhysicsSphericalJoint "loop" {
+    uniform bool physics:excludeFromArticulation = 1
+    rel physics:body0 = </r/c_link>
+    rel physics:body1 = </r/d_link>
+}
+def PhysicsRevoluteJoint "a\""""  # fmt: skip
 SLIDES = ("RevoluteJoint", "PrismaticJoint"), (":angular", ":linear")
 STATED = (
     ('"PhysicsMassAPI"]', '"PhysicsMassAPI", "PhysxRigidBodyAPI"]'),
@@ -179,7 +185,7 @@ def test_units_are_those_of_the_stage(tmp_path: Path) -> None:
         load(tmp_path, *SLIDES)
 
 
-def test_limits_and_held_joints(tmp_path: Path) -> None:
+def test_limits_and_loops_and_held_joints(tmp_path: Path) -> None:
     lower, upper = (f"    float physics:{one}" for one in ("lowerLimit = -30", "upperLimit = 30"))
     limited = 'axis = "X"', f'axis = "X"\n{lower}\n{upper}'
     assert np.isinf(load(tmp_path, limited).limits).all()
@@ -189,6 +195,9 @@ def test_limits_and_held_joints(tmp_path: Path) -> None:
     assert np.isinf(np.delete(model.limits, row, axis=0)).all()
     z = model.home[None] + 0.5
     assert model.rollout(z, 3 + 0 * z, 0.01, 10, None, 1)[0][0, :, row].max() < np.pi / 6 + 1e-4
+    free, closed = (motion(load(tmp_path, LOOP, smooth=one)) for one in (True, False))
+    assert np.array_equal(free, motion(load(tmp_path)))
+    assert np.abs(closed - free).max() > 1e-3
     others = tuple(name for name in model.coordinates if name != "d")
     assert load(tmp_path, held=["d"]).coordinates == others
 

@@ -18,7 +18,7 @@ EXTRA = """PhysicsRevoluteJoint "extra"
     def PhysicsFixedJoint "mount\""""
 ELBOW, UP, MASS = 'PhysicsRevoluteJoint "elbow"', 'upAxis = "Z"', "float physics:mass = 1.5"
 LAYER = 'upAxis = "Z"\n    subLayers = [@{}@]'.format
-NO_LAYER = "does not compose"
+NO_LAYER, NAMED = "does not compose", "@no.usda@ of layer @arm.usda@"
 MASS_LINE = "arm.usda:22: /arm/upper.physics:mass: "
 EDITS = {
     "loop": ('PhysicsFixedJoint "mount"', EXTRA, "arm.usda:53: /arm/elbow: joint 'elbow' closes"),
@@ -28,7 +28,7 @@ EDITS = {
     "distance": (ELBOW, 'PhysicsDistanceJoint "elbow"', "is not covered"),
     "URL": (UP, LAYER("https://h/a"), "arm.usda:7: refused: it names 'https://h/a', and nothing"),
     "outside": (UP, LAYER("../o.usda"), "arm.usda:7: refused: it names '../o.usda', outside of"),
-    "missing layer": (UP, LAYER("no.usda"), NO_LAYER),
+    "missing layer": (UP, LAYER("no.usda"), f"{NO_LAYER}: Could not load sublayer {NAMED}"),
     "syntax": (MASS, "float physics:mass = ", "arm.usda:22: not a USD layer"),
     "cycle": ('Xform "arm" (', 'Xform "arm" (\n    references = @arm.usda@</arm>', NO_LAYER),
     "no body": ("PhysicsRigidBodyAPI", "NoAPI", "it has no rigid body"),

@@ -234,7 +234,7 @@ def doubtful_robot() -> Results:
     """Return an agreeing robot with advice, unread names, creep and a mesh without a reader."""
     advice = finding(
         "the masses of 'left' and 'right' are 2 and 1", kind="left and right",
-        subject=("left", "right"), severity="advice", location=SourceLine(file="a.urdf", line=7),
+        subject=("left", "right"), severity="advice", location=SourceLine(file="in/b.urdf", line=7),
     )  # fmt: skip
     unread = finding(
         kind="unread", subject=("<motorInertia> of <joint>",), severity="note",

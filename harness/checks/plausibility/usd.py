@@ -136,7 +136,7 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
             prim = stage.stage.GetPrimAtPath(fault.subject[0])
             if fault.kind == "articulation root":
                 base = next(joint.prim for joint in joints if _fixes(stage, joint, prim))
-                for name in prim.GetAppliedSchemas():
+                for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():  # unknown ones too
                     if "Articulation" in name and base.AddAppliedSchema(name):
                         prim.RemoveAppliedSchema(name)
                 for member in prim.GetAuthoredAttributes():

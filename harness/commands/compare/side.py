@@ -203,6 +203,21 @@ class ModelSide:
                 rows[attribute] = value, SourceLine(file=str(file), line=line)
         return rows
 
+    def stage_numbers(self) -> dict[str, dict[str, tuple[float | str, ...]]]:
+        """Return bounds and dry frictions of a stage by joint and property, in SI units."""
+        rows: dict[str, dict[str, tuple[float | str, ...]]] = {}
+        if (stage := self._stage) is None:
+            return rows
+        for name, prim in stage.joints.items():
+            is_hinge, row = prim.GetTypeName() == "PhysicsRevoluteJoint", rows.setdefault(name, {})
+            turn, arm = (np.pi / 180, stage.unit) if is_hinge else (stage.unit, 1.0)
+            force = stage.mass_unit * stage.unit * arm
+            for what, unit in (("friction", force), ("effort", force), ("velocity", turn)):
+                for value, _ in self.stage_values(what, name).values():
+                    if isinstance(value, float) and value and np.isfinite(value):
+                        row[what] = (value * unit,)
+        return rows
+
     def elements(self, kind: str, name: str) -> Sequence[XmlElement]:
         """Return the element of a joint or link, then its defaults; nothing if it is unknown."""
         if self.stated is not None:

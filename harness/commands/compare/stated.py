@@ -392,7 +392,7 @@ _Values = tuple[float | str, ...]
 
 def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]]:
     """Return what a file states of each joint, or of its only drive, without what is zero."""
-    rows: dict[str, dict[str, _Values]] = {}
+    rows = model.stage_numbers()
     robot, compiled = model.facts.robot, model.facts.compiled
     body_model = None if robot is None else robot.body_model
     for coupling in () if body_model is None else body_model.couplings:

@@ -203,6 +203,8 @@ class StageLayer:
             for path in links:
                 self._set_link(self._copied(path))
             self._set_joints(held)
+            for prim in filter(file.is_outside, joints if settings["smooth"] else ()):
+                file.switch_off(prim)
             for path in shapes if settings["smooth"] else ():
                 self._set(self._copied(path), "", "physics:collisionEnabled", False)
             if list(settings["gravity"]) != list(file.gravity):  # type: ignore[call-overload]
@@ -235,10 +237,9 @@ class StageLayer:
     def _bases(self, joints: Sequence[Any]) -> Iterator[str]:
         """Yield the paths of joints that fix a body to the world."""
         for prim, (_, *ends) in zip(joints, self.ends, strict=True):
-            is_loose = self._file.value(prim, "physics:excludeFromArticulation", False)
             is_on = self._file.value(prim, "physics:jointEnabled", True)
             is_fixed = prim.GetTypeName() == FIXED and "" in ends
-            if is_fixed and is_on and not is_loose:
+            if is_fixed and is_on and not self._file.is_outside(prim):
                 yield str(prim.GetPath())
 
     def _place_root(self, prim: Any, bodies: Sequence[Any]) -> str:

@@ -108,8 +108,8 @@ def _read_stage(stage: UsdStage, settings: Mapping[str, object]) -> Robot:
         mimics=mimics,
         bodies_with=bodies_with,
         parts=tuple(
-            LinkPart(link=links[name], line=stage.place(prim).line or 0)
-            for name, prim in stage.bodies.items()
+            LinkPart(link=links[name], line=place.line or 0, file=place.file)
+            for name, place in zip(links, map(stage.place, stage.bodies.values()), strict=True)
         ),
         placed=(),
         left_out=count_notes(tree.notes(), mimics),
