@@ -269,6 +269,18 @@ def test_planted_fault_of_a_compiled_file_gets_one_advice(
     assert expected is None or finding.expected == pytest.approx(expected, rel=0.01, abs=1e-9)
 
 
+@pytest.mark.parametrize("density", ["", 'density="7850"'])
+def test_shapes_that_are_the_bodies_get_no_advice(tmp_path: Path, density: str) -> None:
+    """Accept a ball beside a robot, and bodies without names of one density."""
+    ball = '<body name="ball" pos="2 0 1"><freejoint/><geom size="0.02" {}/></body>'
+    beside = CHAIN.format(**FINE).replace("</worldbody>", ball.format("") + "</worldbody>")
+    balls = "".join(ball.replace('"2', f'"{x}').format(density) for x in (2, 4)).replace(
+        "ball", "", 1
+    )
+    for text in (beside, f"<mujoco><worldbody>{balls}</worldbody></mujoco>"):
+        assert advice(tmp_path, text, suffix=".xml") == []
+
+
 def test_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:
     assert advice(tmp_path, ARM.format(damping=2.0), suffix=".xml") == []
 
