@@ -273,11 +273,11 @@ def test_planted_fault_of_a_compiled_file_gets_one_advice(
 def test_shapes_that_are_the_bodies_get_no_advice(tmp_path: Path, density: str) -> None:
     """Accept a ball beside a robot, and bodies without names of one density."""
     ball = '<body name="ball" pos="2 0 1"><freejoint/><geom size="0.02" {}/></body>'
-    beside = CHAIN.format(**FINE).replace("</worldbody>", ball.format("") + "</worldbody>")
+    with_ball = CHAIN.format(**FINE).replace("</worldbody>", ball.format("") + "</worldbody>")
     balls = "".join(ball.replace('"2', f'"{x}').format(density) for x in (2, 4)).replace(
         "ball", "", 1
     )
-    for text in (beside, f"<mujoco><worldbody>{balls}</worldbody></mujoco>"):
+    for text in (with_ball, f"<mujoco><worldbody>{balls}</worldbody></mujoco>"):
         assert advice(tmp_path, text, suffix=".xml") == []
 
 
