@@ -162,14 +162,16 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         if outcome is Outcome.FAILED:
             reason = _with_warnings(reason, task, model)
         full_run = full_run_record(study, model.step, model.integrator)
-        if isinstance(task.target, PreparedSystem):
-            series = series_record(
-                motion,
-                _defects(judged, motion),
-                study,
-                amplitude=task.target.amplitude_of(motion),
-                components=task.target.components,
-            )
+        # The verdict on a tree is at drawn states, so its motion has no defects to plot.
+        drawn = isinstance(task.target, PreparedTree)
+        empty = np.empty((0, len(task.target.components)))
+        series = series_record(
+            motion,
+            DefectSeries(empty[:, 0], empty, empty) if drawn else _defects(judged, motion),
+            study,
+            amplitude=task.target.amplitude_of(motion),
+            components=task.target.components,
+        )
     reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
     is_verdict = outcome is verdict.outcome
     case = structs.replace(

@@ -127,7 +127,7 @@ def read_robot(file: Path, *, floating: bool | None = None, model: str = "") -> 
     Args:
         file: the model file.
         floating: whether the root link of a URDF moves freely, which an SDFormat file states; None:
-            if it stands on legs or wheels.
+            if it stands on legs or wheels, or flies.
         model: name of one of several models of an SDFormat file; empty for a single moving one.
     """
     robot: Robot = _reader(file).read(file, {"floating": floating, "model": model})

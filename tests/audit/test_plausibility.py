@@ -196,6 +196,25 @@ ARM = """<mujoco>
 """
 
 
+def test_unmarked_side_is_the_other_side(tmp_path: Path) -> None:
+    """Compare the drives of `knee_left` and `knee`, as in Walker2d."""
+    leg = """<body name="thigh{0}"><joint name="hip{0}" axis="0 1 0"/>{1}<body name="leg{0}">
+      <joint name="knee{0}" pos="0 0 0.2" axis="0 1 0"/>{1}</body></body>"""
+    legs = "".join(
+        leg.format(side, '<geom size="0.1" contype="0" conaffinity="0"/>') for side in ("", "_left")
+    )
+    drives = "".join(
+        f'<motor joint="{name}{side}" gear="{gear}"/>'
+        for name, side, gear in (
+            ("hip", "", 9), ("hip", "_left", 9), ("knee", "", 9), ("knee", "_left", 5),
+        )
+    )  # fmt: skip
+    robot = f"<mujoco><worldbody>{legs}</worldbody><actuator>{drives}</actuator></mujoco>"
+    finding = only(tmp_path, "left and right", robot, suffix=".xml")
+    assert finding.subject == ("knee_left", "knee")
+    assert "gear[0] of its drive 5 and 9" in finding.message
+
+
 def test_drive_without_damping_oscillates(tmp_path: Path) -> None:
     finding = only(tmp_path, "damping ratio", ARM.format(damping=0.001), suffix=".xml")
     assert finding.actual is not None
@@ -248,6 +267,18 @@ def test_planted_fault_of_a_compiled_file_gets_one_advice(
     assert text in f"{finding.message} {text_at(finding)}"
     assert finding.actual == pytest.approx(actual, rel=0.01)
     assert expected is None or finding.expected == pytest.approx(expected, rel=0.01, abs=1e-9)
+
+
+@pytest.mark.parametrize("density", ["", 'density="7850"'])
+def test_shapes_that_are_the_bodies_get_no_advice(tmp_path: Path, density: str) -> None:
+    """Accept a ball beside a robot, and bodies without names of one density."""
+    ball = '<body name="ball" pos="2 0 1"><freejoint/><geom size="0.02" {}/></body>'
+    with_ball = CHAIN.format(**FINE).replace("</worldbody>", ball.format("") + "</worldbody>")
+    balls = "".join(ball.replace('"2', f'"{x}').format(density) for x in (2, 4)).replace(
+        "ball", "", 1
+    )
+    for text in (with_ball, f"<mujoco><worldbody>{balls}</worldbody></mujoco>"):
+        assert advice(tmp_path, text, suffix=".xml") == []
 
 
 def test_drive_near_critical_damping_is_fine(tmp_path: Path) -> None:

@@ -474,6 +474,12 @@ def test_error_of_a_motion_from_rest_matches_a_manual_run() -> None:
     assert case.outcome is Outcome.AGREES
     assert case.full_run.global_error == pytest.approx(worst, rel=1e-6)
     assert case.full_run.order == pytest.approx(1.0, abs=0.01)
+    # The page plots it; the verdict is at drawn states, so no defects lie on it.
+    assert case.series is not None
+    assert case.series.components[: len(order)] == tuple(prepared.names)
+    last = [case.series.engine[place][-1] for place in order]
+    assert last == pytest.approx(data.qpos, rel=1e-4)
+    assert not any(case.series.defect)
 
 
 def test_time_step_longer_than_the_motion_is_reported() -> None:

@@ -189,6 +189,19 @@ def test_root_is_free_on_legs_or_wheels(
     assert not read(tmp_path, *lines, floating=False).floats
 
 
+@pytest.mark.parametrize(
+    ("kind", "axis", "free"),
+    [("continuous", "0 0 1", True), ("continuous", "1 0 0", False), ("revolute", "0 0 1", False)],
+)
+def test_root_is_free_on_propellers(kind: str, axis: str, free: bool, tmp_path: Path) -> None:
+    """Require all moving links to be light, on upright hinges without limits."""
+    light = BODY.replace('mass value="2"', 'mass value="0.1"')
+    rest = f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    lines = [link("base", BODY + BOX), *(link(name, light) for name in "abc")]
+    lines += [joint(f"to_{name}", "base", name, rest, kind) for name in "abc"]
+    assert read(tmp_path, *lines, floating=None).floats == free
+
+
 def test_root_link_named_world_never_floats(tmp_path: Path) -> None:
     """Avoid false failures: engines disagree about the frame that a free joint there moves."""
     place = '<origin xyz="0 0.5 1" rpy="0.2 0 0"/>'

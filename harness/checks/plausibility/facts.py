@@ -129,6 +129,12 @@ class RobotFacts:
         """The body of each link."""
         return {part.name: body for body in self.bodies for part in body.parts}
 
+    def tree_of(self, body: int) -> int:
+        """Return the first joint of the tree that carries a body; negative for the world."""
+        while body >= 0 and (parent := self.tree.links[body].parent) >= 0:
+            body = parent
+        return body
+
     def part(self, link: str) -> LinkPart:
         """Return a link with a body."""
         return next(one for one in self.body_of[link].parts if one.name == link)
@@ -224,10 +230,15 @@ class RobotFacts:
         span = np.ptp(np.concatenate(points), axis=0)
         return float(np.linalg.norm(span)) if len(self.places) > 1 else 0.0
 
+    @property
+    def is_compiled(self) -> bool:
+        """True of a file in which shapes can give masses."""
+        return self.robot.file.suffix == COMPILED
+
     @cached_property
     def mass_sources(self) -> Mapping[str, str]:
         """Source of the mass of each body of a compiled file: `stated`, `density` or `default`."""
-        if self.robot.file.suffix != COMPILED:
+        if not self.is_compiled:
             return {}
         defaults = [
             geom
@@ -240,7 +251,8 @@ class RobotFacts:
         sources = {}
         for body in (one for root in self.roots for one in root.iter("body")):
             geoms = [*body.findall("geom"), *defaults]
-            if (body.find("inertial") and not is_by_shape) or any(one.get("mass") for one in geoms):
+            has_mass = any(stated_number(one, "mass") for one in geoms)
+            if (body.find("inertial") and not is_by_shape) or has_mass:
                 sources[body.get("name")] = "stated"
             elif body.find("geom"):
                 has_density = any(one.get("density") for one in geoms)

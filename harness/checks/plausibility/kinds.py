@@ -6,6 +6,7 @@ counts.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, islice, permutations
 from typing import get_args
@@ -81,8 +82,8 @@ MIN_EXTENT, BEYOND = 0.01, 4.0
 CAD_DENSITIES = {1000.0: "the default of CAD programs", 7850.0: "solid steel"}
 """Densities in kg/m^3 that are assumed for whole robots."""
 
-DENSITY_SHARE, MIN_METAL, ALUMINIUM = 0.02, 2000.0, 2700.0
-"""Relative difference from these; smallest density of a metal; and aluminium's, kg/m^3."""
+DENSITY_SHARE, ALUMINIUM = 0.02, 2700.0
+"""Relative difference from these, and the density of aluminium, kg/m^3."""
 
 TURNS, MAX_DEGREES, FAST = 4.04 * np.pi, 720.0, 60.0
 """Largest limit of a hinge in rad, largest in degrees, and speed beyond that of motors, rad/s."""
@@ -221,14 +222,13 @@ def one_density(facts: RobotFacts) -> Iterator[Advice]:
         for part in body.parts
         if part.inertia.mass > 0
     ]
-    if len(rows) < 2 or not all(volume for _, volume in rows):
+    is_by_density = facts.is_compiled and "stated" not in facts.mass_sources.values()
+    if is_by_density or len(rows) < 2 or not all(volume for _, volume in rows):
         return
     densities = np.array([part.inertia.mass / volume for part, volume in rows])
     for density, what in CAD_DENSITIES.items():
         if np.abs(densities / density - 1).max() > DENSITY_SHARE:
             continue
-        if density < MIN_METAL and "stated" not in (facts.mass_sources or {"": "stated"}).values():
-            continue  # the default of the format
         part, volume = max(rows, key=lambda row: row[1])
         message = (
             f"all {len(rows)} links have {density:g} kg/m^3 in their shapes, {what}; as "
@@ -242,10 +242,15 @@ def one_density(facts: RobotFacts) -> Iterator[Advice]:
 
 
 def default_density(facts: RobotFacts) -> Iterator[Advice]:
-    """Yield links with a mass by the default density, where most others state theirs."""
+    """Yield links with a mass by the default density, where most others state theirs.
+
+    A tree of one link is excluded: a ball beside a robot is what its shapes are.
+    """
     sources, parts = facts.mass_sources, [part for body in facts.bodies for part in body.parts]
+    sizes = Counter(facts.tree_of(part.body) for part in parts)
     count = sum(sources.get(part.name) == "stated" for part in parts)
     parts = [one for one in parts if sources.get(one.name) == "default" and one.inertia.mass]
+    parts = [one for one in parts if one.body < 0 or sizes[facts.tree_of(one.body)] > 1]
     for part in parts if count > len(parts) else ():
         name, mass, line = part.name, part.inertia.mass, facts.line("body", part.name, "geom")
         message = (

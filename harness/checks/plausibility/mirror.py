@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,10 +53,8 @@ def mirrored_parts(facts: RobotFacts) -> Iterator[Advice]:
     plane = _symmetry(facts)
     joints = [link.name for link in facts.tree.links if link.name in facts.rest]
     for rows, names in ((_link_rows, [*facts.body_of]), (_joint_rows, joints)):
-        for name in names:
-            other = mirrored_name(name)
-            pairs = rows(facts, plane, name, other) if other in names else ()
-            unlike = next((row for row in pairs if row[3] > 1), None)
+        for name, other in _pairs(frozenset(names)).items():
+            unlike = next((row for row in rows(facts, plane, name, other) if row[3] > 1), None)
             if unlike is None:
                 continue
             what, expected, actual, excess = unlike
@@ -171,7 +170,8 @@ def _is_carried_alike(facts: RobotFacts, plane: Place, index: int, other: int) -
     links, poses = facts.tree.links, facts.poses
     here, there = links[index].parent, links[other].parent
     if here != there:
-        is_pair = min(here, there) >= 0 and mirrored_name(links[here].name) == links[there].name
+        pairs = _pairs(frozenset(link.name for link in links))
+        is_pair = min(here, there) >= 0 and pairs.get(links[here].name) == links[there].name
         if not (is_pair and _is_image(plane, poses[here].origin, poses[there].origin)):
             return False
     # One part may be mounted on both sides, so that its joints change places.
@@ -185,16 +185,30 @@ def apart(first: Array, other: Array) -> float:
     return float(np.abs(first - other).max() / scale) if scale else 0.0
 
 
-def mirrored_name(name: str) -> str:
-    """Return the name of the same part on the other side, of a name that begins on the left.
+@lru_cache(maxsize=16)
+def _pairs(names: frozenset[str]) -> Mapping[str, str]:
+    """Return the names of parts on the left, each with that of the same part on the other side.
 
-    All words for sides change: the mirror image of `front_leftL` is `front_rightR`.
+    All words for sides change: the mirror image of `front_leftL` is `front_rightR`. If only
+    one side has such words, in two names or more, the names without them are the other side.
     """
-    words = _WORDS.findall(name)
-    first = next((word for word in words if word in _OTHER_SIDE), "")
-    if first not in _SIDES:
-        return ""
-    return "".join(_OTHER_SIDE.get(word, word) for word in words)
+    words = {name: _WORDS.findall(name) for name in sorted(names)}
+    sided = {name: first for name in words if (first := _first_side(words[name]))}
+    if len(sided) > 1 and len({first in _SIDES for first in sided.values()}) == 1:
+        plain = {_without_side(words[name]): name for name in words if name not in sided}
+        bare = {name: _without_side(words[name]) for name in sided}
+        is_whole = {*bare.values()} <= {*plain}
+        return {name: plain[part] for name, part in bare.items()} if is_whole else {}
+    images = {name: "".join(_OTHER_SIDE.get(one, one) for one in words[name]) for name in sided}
+    return {name: to for name, to in images.items() if sided[name] in _SIDES and to in names}
+
+
+def _without_side(words: Iterable[str]) -> str:
+    return "_".join(one for one in words if one.isalnum() and one not in _OTHER_SIDE)
+
+
+def _first_side(words: Iterable[str]) -> str:
+    return next((word for word in words if word in _OTHER_SIDE), "")
 
 
 def _symmetry(facts: RobotFacts) -> Place | None:
@@ -202,8 +216,7 @@ def _symmetry(facts: RobotFacts) -> Place | None:
     places = facts.places
     pairs = [
         (places[name].origin, places[image].origin)
-        for name in places
-        if (image := mirrored_name(name)) in places
+        for name, image in _pairs(frozenset(places)).items()
     ]
     votes: Counter[tuple[int, float]] = Counter()
     for first, other in pairs:
@@ -237,10 +250,11 @@ def _draws_alike(facts: RobotFacts, plane: Place, name: str, other: str) -> bool
     if name not in places or other not in places:
         return False
     start = places[name].origin
+    images = _pairs(frozenset(places))
     pairs = [
-        (places[link.name].origin, places[image].origin)
+        (places[link.name].origin, places[images[link.name]].origin)
         for link in facts.links
-        if link.parent == name and (image := mirrored_name(link.name)) in places
+        if link.parent == name and link.name in images
     ]
     hulls = [bodies[one].whole_hull if one in bodies else None for one in (name, other)]
     if not pairs and hulls[0] is not None and hulls[1] is not None:

@@ -200,7 +200,7 @@ def _load(executor: Executor, candidate: Candidate) -> Facts:
 def _loaded(executor: Executor, models: tuple[Candidate, Candidate]) -> tuple[Pair, list[str]]:
     """Load both models; the root of an unspecified URDF moves or is held as the other model's.
 
-    Of two such URDFs, both move freely if one stands on legs or wheels, or has no joint.
+    Of two such URDFs, both move freely if one stands or flies, or has no joint.
     """
     loaded: dict[str, Facts] = {}
     notes = []

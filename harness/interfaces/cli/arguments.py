@@ -101,7 +101,7 @@ def jobs(default: str = "one per processor") -> Option:
     )  # fmt: skip
 
 
-def floating(default: str = "free on legs or wheels") -> Option:
+def floating(default: str = "free on legs, wheels or rotors") -> Option:
     """Return --floating and --no-floating; `default` describes what happens without them."""
     return option(
         "Robot files",

@@ -36,6 +36,9 @@ from ..build_tree import build_robot, couplings, enforceable, placed_in
 from ..numbers import NUDGE, ModelFile, set_temporarily
 from ..robot import FREE_MIMIC, Note, Omission, PlacedShape, Robot, count_notes, refused
 
+UPRIGHT = 0.8
+"""Least cosine of the angle between the axis of a propeller and the vertical."""
+
 _VISUALS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {
@@ -209,15 +212,16 @@ def _read(document: Document, floating: bool | None) -> Robot:
 
 
 def _stands(file: UrdfFile) -> bool:
-    """Return whether a robot with a heavy root stands on legs or wheels, as drawn.
+    """Return whether a robot with a heavy root stands on legs or wheels, or flies, as drawn.
 
     Two or more chains of moving links have shapes below all shapes of the root and the links that
-    are fixed to it. Of a mesh, only its origin counts.
+    are fixed to it. Of a mesh, only its origin counts. Or all moving links are propellers, three or
+    more: each is lighter than the root, on an upright hinge without limits.
     """
     below: dict[str, list[UrdfJoint]] = {}
     for joint in file.joints.values():
         below.setdefault(joint.parent, []).append(joint)
-    lowest, mass = {"": np.inf}, 0.0
+    lowest, mass, places = {"": np.inf}, 0.0, dict[str, Place]()
     waiting, seen = [(file.root, Place(np.eye(3), np.zeros(3)), "")], set[str]()
     while waiting:
         name, place, chain = waiting.pop()
@@ -225,15 +229,29 @@ def _stands(file: UrdfFile) -> bool:
         if link is None or name in seen:
             continue
         seen.add(name)
-        mass += 0.0 if chain else link.body.mass
+        if not chain:
+            mass, places[name] = mass + link.body.mass, place
         heights = [_lowest(shape, place) for shape in placed_in({name: link}, file.document.path)]
         lowest[chain] = min([lowest.get(chain, np.inf), *heights])
         for joint in below.get(name, ()):
             frame = Place(from_rpy(*joint.rpy), np.array(joint.origin))
             first = chain or (joint.name if joint.kind else "")
             waiting.append((joint.child, place.compose(frame), first))
-    base = lowest.pop("")
+    base, moving = lowest.pop(""), [joint for joint in file.joints.values() if joint.kind]
+    if len(moving) > 2 and all(_is_propeller(file, one, places, mass) for one in moving):
+        return True
     return mass > 0 and np.isfinite(base) and sum(low < base for low in lowest.values()) > 1
+
+
+def _is_propeller(
+    file: UrdfFile, joint: UrdfJoint, places: Mapping[str, Place], mass: float
+) -> bool:
+    """Return whether a joint carries a link lighter than its root, on an upright endless hinge."""
+    parent, link = places.get(joint.parent), file.links.get(joint.child)
+    if parent is None or link is None or joint.kind != "hinge" or joint.bounds != ENDLESS:
+        return False
+    up = parent.rotation[2] @ from_rpy(*joint.rpy) @ joint.axis
+    return link.body.mass < mass and abs(up) > UPRIGHT * float(np.linalg.norm(joint.axis))
 
 
 def _lowest(shape: PlacedShape, link: Place) -> float:

@@ -131,33 +131,40 @@ def _error(run: CaseRun, i: int, unit: str, magnitude: float) -> Chart:
     what = "single step" if by_steps else "extrapolated segment"
     movement = "movement in a step" if by_steps else "displacement"
     segment_t = run.pack.column(series.segment_t, 6)
+    curves = (
+        Curve("uncertainty", "band", segment_t, run.pack.column(bound, 3)),
+        Curve("global", "global_error", run.t, run.pack.column(error, 4)),
+        Curve(
+            "single steps" if by_steps else "extrapolated",
+            "defect",
+            segment_t,
+            run.pack.column(defect, 3),
+        ),
+    )
+    triangles = (
+        f" Triangles: the defect of each {what}, over its {movement}; "
+        "up and filled for +, down and hollow for −. Grey: its uncertainty; the model "
+        "differs where a triangle stands above the grey."
+    )
+    largest_defect = (
+        f", defect of a{'n' if not by_steps else ''} {what} {sci(largest(defect))}, its "
+        f"uncertainty {sci(largest(bound))}"
+    )
+    has_defects = len(defect) > 0  # a robot's are at drawn states
     return Chart(
         part=ERROR,
-        title=f"{name}: error against uncertainty",
+        title=f"{name}: error against uncertainty" if has_defects else f"{name}: error",
         x_label="t [s]",
         y_label="relative error",
-        curves=(
-            Curve("uncertainty", "band", segment_t, run.pack.column(bound, 3)),
-            Curve("global", "global_error", run.t, run.pack.column(error, 4)),
-            Curve(
-                "single steps" if by_steps else "extrapolated",
-                "defect",
-                segment_t,
-                run.pack.column(defect, 3),
-            ),
-        ),
+        curves=curves if has_defects else curves[1:2],
         key=(
             "Line: engine − reference of the full run at dt, over the amplitude "
             f"({size:.3g} {unit}); solid where the engine is ahead (+), dotted "
-            f"where it is behind (−). Triangles: the defect of each {what}, over its {movement}; "
-            "up and filled for +, down and hollow for −. Grey: its uncertainty; the model "
-            "differs where a triangle stands above the grey."
-        ),
-        summary=(
-            f"Largest among these samples: error at dt {percent(largest(error))}, "
-            f"defect of a{'n' if not by_steps else ''} {what} {sci(largest(defect))}, its "
-            f"uncertainty {sci(largest(bound))}."
-        ),
+            "where it is behind (−)."
+        )
+        + triangles * has_defects,
+        summary=f"Largest among these samples: error at dt {percent(largest(error))}"
+        f"{largest_defect * has_defects}.",
         log_y=True,
         over_time=True,
         over_error=True,
