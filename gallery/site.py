@@ -348,13 +348,13 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
         if (path := store / entry.file.slug / COMPARISON).exists()
     }
     write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts,
-          page="formats")  # fmt: skip
-    for page, title, paths in (
+          kind="formats")  # fmt: skip
+    for kind, title, paths in (
         ("versions", "Versions of one engine, compared", (store / VERSIONS).glob("*.txt")),
         ("findings", "Findings for maintainers, as texts of issues", FINDINGS.glob("*.md")),
     ):
         texts = {one.stem: one.read_text("utf-8") for one in sorted(paths)}
-        write(f"{page}.html", "texts.html", title, texts=texts, page=page)
+        write(f"{kind}.html", "texts.html", title, texts=texts, kind=kind)
     write("objections.html", "objections.html", "How to object, and how to add a robot",
           entries=entries)  # fmt: skip
     _write_cells(site, cells)
