@@ -41,9 +41,6 @@ PRELUDE = "import json, sys\nf, q = sys.argv[1], json.loads(sys.argv[2])\n"
 CONTROL = "pinocchio"
 """Engine whose cells are confirmed also where they follow the file."""
 
-SAME = 1e-9
-"""Relative difference of mass matrices that confirms nothing."""
-
 STEP = 0.002
 """Time step of robot files that state none, s."""
 
@@ -146,7 +143,7 @@ def answer(engine: str, root: ElementTree.Element, path: Path) -> tuple[str, str
     order, matrix = held
     own = urdf_mass(path, {name: q[name] for name in order}, np.array([]))
     worst = np.abs(np.array(matrix) - own).max(axis=1) / np.abs(own).max(axis=1)
-    means = "mass" if worst.max() > SAME else ""
+    means = "mass" if worst.max() > 1e-9 else ""
     row = f"row of {order[int(worst.argmax())]}"
     return means, f"the engine's mass matrix, off by {worst.max():.1e} of numpy's in the {row}"
 
