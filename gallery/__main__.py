@@ -44,6 +44,8 @@ def run(file: RobotFile, path: Path, store: Path, jobs: str) -> None:
     except (ResultsError, OSError) as error:
         print(f"{file.slug}: no results: {error}", flush=True)
         return
+    page = out / "index.html"
+    page.write_text(page.read_text("utf-8").replace(f" --out {out}", ""), "utf-8")
     command = f"crosscheck {' '.join(words)}"
     done = Done(address=file.address, versions=results.versions, command=command)
     write_whole(out / DONE, encoded(done))

@@ -1,9 +1,10 @@
 """Confirm the gallery's cells by other means: the engine itself, and numpy on the file's text.
 
 `python -m gallery.confirm STORE CLONES` prints a line for each fault and each cell that does not
-follow its URDF: robot, engine, means, numbers. Each engine loads the file by its own API, without
-the adapters of this program; shapes are left out. Pinocchio's cells are printed in any case: they
-show how small the difference is where an engine follows the file.
+follow its URDF, and writes what it confirms to `confirmed.toml`, where rows by hand stay. Each
+engine loads the file by its own API, without the adapters of this program; shapes are left out.
+Pinocchio's cells are printed in any case: they show how small the difference is where an engine
+follows the file.
 
 - *mass*: the engine's mass matrix against the one of `campaigns.real_models.masses`.
 - *links*: masses and traces of inertias that the engine holds, against those of the file.
@@ -32,8 +33,9 @@ from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.read import read_results
 from .__main__ import kept
 from .robots import robot_files
-from .site import Cell, Entry
+from .site import CONFIRMED, Cell, Entry, confirmed
 
+HEAD = "# Means that confirm cells which do not follow their file, by engine and version.\n"
 MOVING = ("revolute", "continuous", "prismatic")
 PRELUDE = "import json, sys\nf, q = sys.argv[1], json.loads(sys.argv[2])\n"
 CONTROL = "pinocchio"
@@ -106,9 +108,10 @@ def ask(engine: str, text: str, q: dict[str, float]) -> Any:
         command = [sys.executable, "-c", PRELUDE + ASK[engine], str(file), json.dumps(q)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
     answers = re.findall(r"(?m)RESULT (.*)$", done.stdout)
-    printed = (done.stdout + done.stderr).splitlines()
+    printed = (done.stderr + done.stdout).splitlines()
     lines = [one for one in printed if one.strip() and not one.startswith("pybullet build")]
-    return json.loads(answers[0]) if answers else (lines or ["no answer"])[-1]
+    errors = [one for one in lines if "rror:" in one]
+    return json.loads(answers[0]) if answers else (errors or lines or ["no answer"])[0]
 
 
 def moments(link: ElementTree.Element) -> tuple[float, Array]:
@@ -126,21 +129,23 @@ def answer(engine: str, root: ElementTree.Element, path: Path) -> tuple[str, str
     q = dict(zip(names, np.random.default_rng(0).uniform(-0.5, 0.5, len(names)), strict=True))
     held = ask(engine, ElementTree.tostring(root, "unicode"), q)
     if isinstance(held, str):
-        return "load", held[:200]
+        return "load", f"the engine's own error: {held[:200]}"
     if engine in ("sapien", "newton"):
         stated = {one.get("name"): moments(one) for one in root.iter("link")}
         other = [
-            f"{name} {mass:.3g} kg {trace:.3g} kg m^2 for {stated[name][0]:.3g} and"
-            f" {stated[name][1].sum():.3g}"
+            f"{name} {mass:.3g} kg, {trace:.3g} kg m^2; the file {stated[name][0]:.3g} kg,"
+            f" {stated[name][1].sum():.3g} kg m^2"
             for name, mass, trace in held
             if name in stated and not np.allclose([mass, trace], [stated[name][0],
                stated[name][1].sum()], rtol=1e-5, atol=1e-12)
         ]  # fmt: skip
-        return "links", "; ".join(other[:4]) or "as stated"
+        return "links" if other else "", f"the engine's own links: {'; '.join(other[:2])}"
     order, matrix = held
     own = urdf_mass(path, {name: q[name] for name in order}, np.array([]))
     worst = np.abs(np.array(matrix) - own).max(axis=1) / np.abs(own).max(axis=1)
-    return "mass", f"{worst.max():.1e} at {order[int(worst.argmax())]}"
+    means = "mass" if worst.max() > 1e-9 else ""
+    row = f"row of {order[int(worst.argmax())]}"
+    return means, f"the engine's mass matrix, off by {worst.max():.1e} of numpy's in the {row}"
 
 
 def rate(root: ElementTree.Element, path: Path) -> str:
@@ -156,7 +161,7 @@ def rate(root: ElementTree.Element, path: Path) -> str:
         if (here := STEP * float(rates.real.max())) > largest:
             vector = np.abs(vectors[:, int(rates.real.argmax())])
             largest, joint = here, list(joints)[int(vector.argmax())]
-    return f"{largest:.3g} at {joint}"
+    return f"step times rate of the damper by numpy: {largest:.3g} at {joint}; 2 is the limit"
 
 
 def confirm(entry: Entry, path: Path) -> Iterator[tuple[Cell | None, str, str]]:
@@ -179,19 +184,27 @@ def confirm(entry: Entry, path: Path) -> Iterator[tuple[Cell | None, str, str]]:
 
 
 def main() -> None:
-    """Print a line for each fault and each of these cells."""
+    """Print a line for each fault and each of these cells, and write the confirmed ones."""
     store, clones, *names = sys.argv[1:]
     for file in (one for files in robot_files(names) for one in files if one.suffix == "urdf"):
         if (done := kept(file, Path(store))) is None:
             continue
-        results = read_results(Path(store) / file.slug / "results.json")
+        results, rows = read_results(Path(store) / file.slug / "results.json"), confirmed()
         path = Path(clones, file.owner, file.repository, file.path)
         for cell, means, numbers in confirm(Entry(file=file, done=done, results=results), path):
-            outcome = "fault" if cell is None else cell.outcome
-            engine = "the file" if cell is None else cell.engine
-            print(f"{file.slug} | {engine} | {outcome} | {means} | {numbers}", flush=True)
+            engine = "the file" if cell is None else f"{cell.engine} {cell.version}"
+            print(f"{file.slug} | {engine} | {means or 'NOT CONFIRMED'} | {numbers}", flush=True)
             if cell is not None and cell.outcome is not Outcome.AGREES:
-                print(f"    {cell.sentence}", flush=True)
+                print(f"    {cell.outcome} {cell.sentence}", flush=True)
+                if means:
+                    rows.setdefault(file.slug, {}).setdefault(engine, numbers)
+        CONFIRMED.write_text(HEAD + "".join(map(table, sorted(rows.items()))))
+
+
+def table(rows: tuple[str, dict[str, str]]) -> str:
+    """Return the cells of a robot as TOML."""
+    lines = [f'"{cell}" = {json.dumps(text)}\n' for cell, text in sorted(rows[1].items())]
+    return f'\n["{rows[0]}"]\n{"".join(lines)}'
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import csv
 import io
 import re
 import shutil
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from filecmp import cmp
@@ -30,6 +31,12 @@ from physics_crosscheck.harness.results.status import counted
 from .robots import RobotFile
 
 PAGES = Path(__file__).with_name("pages")
+CONFIRMED = Path(__file__).with_name("confirmed.toml")
+"""Means that confirm a cell, by file, and by engine with its version."""
+
+FINDINGS = Path(__file__).with_name("findings")
+"""Texts for maintainers of a robot or an engine."""
+
 PICTURE, RESULTS = "picture.png", "results.json"
 COMPARISON, VERSIONS = "compare.txt", "versions"
 """A command that compares the file with the robot's first one, and what it printed; the folder of
@@ -37,7 +44,7 @@ those that compare versions of an engine."""
 
 
 FAULTS = (Outcome.DIFFERS, Outcome.REFUSED)
-"""Outcomes that a line of the file explains; others are limits of a run."""
+"""Outcomes that a line of the file explains; others are limits of a run, or name their line."""
 
 
 class Done(Record, frozen=True, kw_only=True):
@@ -67,6 +74,7 @@ class Cell(Record, frozen=True, kw_only=True):
         bound: largest uncertainty; None without a verdict.
         date: of the run, UTC.
         command: that repeats the run.
+        confirmed: what shows it without this program; empty if nothing did.
         page: address of the report, relative to the site.
     """
 
@@ -83,6 +91,7 @@ class Cell(Record, frozen=True, kw_only=True):
     date: str
     command: str
     page: str
+    confirmed: str = ""
 
 
 class Cells(Record, frozen=True, kw_only=True):
@@ -144,13 +153,16 @@ class Entry(Record, frozen=True, kw_only=True):
         path = re.escape(self.file.path)
         sentence = re.sub(rf"^{path}(:\d+)?: ", "", _sentence(mine, outcome))
         verdicts = [one.verdict for one in mine.cases if one.verdict is not None]
+        version = self.done.versions.get(engine) or ""
+        has_line = outcome in FAULTS or "changes the file" in sentence
+        means = {} if outcome is Outcome.AGREES else confirmed().get(self.file.slug, {})
         return Cell(
             robot=self.file.robot,
             kind=self.file.kind,
             file=self.file.address,
             engine=engine,
-            version=self.done.versions.get(engine) or "",
-            line=self._line(mine, sentence) if outcome in FAULTS else None,
+            version=version,
+            line=self._line(mine, sentence) if has_line else None,
             outcome=outcome,
             text=text,
             sentence=sentence,
@@ -158,6 +170,7 @@ class Entry(Record, frozen=True, kw_only=True):
             date=self.results.created,
             command=self.done.command,
             page=self.page,
+            confirmed=means.get(f"{engine} {version}", ""),
         )
 
     def _line(self, results: Results, sentence: str) -> int | None:
@@ -207,6 +220,11 @@ def _sentence(results: Results, outcome: Outcome) -> str:
     return refused[0]
 
 
+def confirmed() -> dict[str, dict[str, str]]:
+    """Return the means that confirm cells, by file, then by engine with its version."""
+    return tomllib.loads(CONFIRMED.read_text("utf-8")) if CONFIRMED.exists() else {}
+
+
 def wrong(entry: Entry, cells: Mapping[str, Cell]) -> dict[tuple[str, int | None], str]:
     """Return what goes wrong with a file: each sentence with its line, and whose fault it is."""
     names: dict[tuple[str, int | None], list[str]] = {}
@@ -220,7 +238,8 @@ def wrong(entry: Entry, cells: Mapping[str, Cell]) -> dict[tuple[str, int | None
     for cell in cells.values():
         if cell.outcome is not Outcome.AGREES:
             title = "every engine" if cell.engine == "-" else engine_title(cell.engine)
-            names.setdefault((cell.sentence, cell.line), []).append(title)
+            means = f" (confirmed by {cell.confirmed})" if cell.confirmed else ""
+            names.setdefault((cell.sentence + means, cell.line), []).append(title)
     return {key: ", ".join(one) for key, one in names.items()}
 
 
@@ -328,11 +347,14 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
         for entry in entries
         if (path := store / entry.file.slug / COMPARISON).exists()
     }
-    write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts, robots=True)
-    texts = {one.stem: one.read_text("utf-8") for one in sorted((store / VERSIONS).glob("*.txt"))}
-    write(
-        "versions.html", "texts.html", "Versions of one engine, compared", texts=texts, robots=False
-    )
+    write("formats.html", "texts.html", "Formats of one robot, compared", texts=texts,
+          kind="formats")  # fmt: skip
+    for kind, title, paths in (
+        ("versions", "Versions of one engine, compared", (store / VERSIONS).glob("*.txt")),
+        ("findings", "Findings for maintainers, as texts of issues", FINDINGS.glob("*.md")),
+    ):
+        texts = {one.stem: one.read_text("utf-8") for one in sorted(paths)}
+        write(f"{kind}.html", "texts.html", title, texts=texts, kind=kind)
     write("objections.html", "objections.html", "How to object, and how to add a robot",
           entries=entries)  # fmt: skip
     _write_cells(site, cells)

@@ -144,6 +144,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
     time_step = whole_time_step(task, time_step)
     inertias = _inertias(task.target, model)
+    changed = ", ".join(model.corrective_settings)
     judged = _judgement(task, (model, coordinates), None if why else motion)
     verdict = _combined(judged.verdict, parts.values())
     study, full_run, series = None, None, None
@@ -172,7 +173,10 @@ def run_case(task: ModelTask[Prepared]) -> Case:
             amplitude=task.target.amplitude_of(motion),
             components=task.target.components,
         )
-    reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
+    # A diagnosis names changes only where an engine differs.
+    named = changed and outcome is Outcome.UNRESOLVED
+    notes = [f"the engine changes the file: {changed}"] if named else []
+    reason = "; ".join(filter(None, (reason, *judged.model.reservations, *notes)))
     is_verdict = outcome is verdict.outcome
     case = structs.replace(
         _case(task, outcome, reason),

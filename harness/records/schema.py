@@ -50,7 +50,6 @@ class FilePage:
         reader: who needs the page, and for what; one or two sentences.
         written: which command writes the file, and where; a sentence.
         records: the structs that the file contains, outermost first.
-        schema: name of its JSON Schema, `<schema>.schema.json`; empty without one.
     """
 
     name: str
@@ -58,7 +57,6 @@ class FilePage:
     reader: str
     written: str
     records: tuple[type[Record], ...]
-    schema: str = ""
 
 
 def page_texts(pages: Sequence[FilePage]) -> dict[str, str]:
@@ -81,8 +79,8 @@ def _page(page: FilePage, structs: Sequence[types.StructType], homes: Mapping[ty
     }
     links[Outcome] = f"[outcome]({'' if page.name == HOME else f'{HOME}.md'}#outcome)"
     parts = [f"# {page.title}\n\n{page.reader} {page.written}{_CONVENTIONS}"]
-    if page.schema:
-        file = f"{page.schema}.schema.json"
+    if (schema := page.name.partition("-")[0]) in SCHEMAS:
+        file = f"{schema}.schema.json"
         parts.append(f" The JSON Schema is [`{file}`](../schema/{file}).")
     parts.append("\n\n")
     parts.extend(_section(struct, links) for struct in structs)
@@ -181,7 +179,6 @@ PAGES = (
         " field under `systems` in [`results.json`](results.md).",
         written="`crosscheck run` writes one entry per system.",
         records=(SystemResult,),
-        schema="results",
     ),
     FilePage(
         name="results-models",
@@ -190,7 +187,6 @@ PAGES = (
         " every field under `models` in [`results.json`](results.md).",
         written="`crosscheck run` writes one entry per model file and engine.",
         records=(Model,),
-        schema="results",
     ),
     FilePage(
         name="results",
@@ -199,7 +195,6 @@ PAGES = (
         " results.",
         written="`crosscheck run` writes `results.json` into the folder of the report.",
         records=(Results,),
-        schema="results",
     ),
     FilePage(
         name="gate",
@@ -208,7 +203,6 @@ PAGES = (
         " gate's result.",
         written="`crosscheck gate` writes `gate.json` into `reports/gate/`.",
         records=(Gate,),
-        schema="gate",
     ),
     FilePage(
         name="baseline",
@@ -218,7 +212,6 @@ PAGES = (
         written="`crosscheck accept` writes one file per system folder,"
         " `reports/baseline/<system>.json`, and one per robot file.",
         records=(BaselineFile,),
-        schema="baseline",
     ),
     FilePage(
         name="comparison",
@@ -227,7 +220,6 @@ PAGES = (
         " comparison.",
         written="`crosscheck compare --json FILE` writes the file.",
         records=(ComparisonResult,),
-        schema="comparison",
     ),
     FilePage(
         name="mutations",
@@ -236,7 +228,6 @@ PAGES = (
         " every field of the result.",
         written="`crosscheck mutate --json FILE` writes the file.",
         records=(Mutations,),
-        schema="mutations",
     ),
     FilePage(
         name="sweep",

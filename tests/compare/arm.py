@@ -26,27 +26,13 @@ MJCF = """\
 URDF = """\
 <robot name="arm">
   <link name="ground"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.02 0 -0.21"/>
-      <mass value="1.7"/>
-      <inertia ixx="0.041" iyy="0.039" izz="0.006" ixy="0.0011" ixz="-0.0023" iyz="0.0009"/>
-    </inertial>
-  </link>
-  <link name="fore">
-    <inertial>
-      <origin xyz="0 0.03 -0.19"/>
-      <mass value="0.9"/>
-      <inertia ixx="0.017" iyy="0.016" izz="0.003" ixy="0" ixz="0.0004" iyz="0"/>
-    </inertial>
-  </link>
-  <link name="hand">
-    <inertial>
-      <origin xyz="0.015 -0.01 -0.06"/>
-      <mass value="0.35"/>
-      <inertia ixx="0.0008" iyy="0.0009" izz="0.0005" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-  </link>
+  <link name="upper"><inertial><origin xyz="0.02 0 -0.21"/><mass value="1.7"/>
+    <inertia ixx="0.041" iyy="0.039" izz="0.006" ixy="0.0011" ixz="-0.0023" iyz="0.0009"/>
+  </inertial></link>
+  <link name="fore"><inertial><origin xyz="0 0.03 -0.19"/><mass value="0.9"/>
+    <inertia ixx="0.017" iyy="0.016" izz="0.003" ixy="0" ixz="0.0004" iyz="0"/></inertial></link>
+  <link name="hand"><inertial><origin xyz="0.015 -0.01 -0.06"/><mass value="0.35"/>
+    <inertia ixx="0.0008" iyy="0.0009" izz="0.0005" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <joint name="shoulder" type="continuous">
     <parent link="ground"/>
     <child link="upper"/>

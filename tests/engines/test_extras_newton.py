@@ -84,6 +84,17 @@ def test_merged_fixed_links_are_heavier_and_their_setting_is_a_cause(tmp_path: P
     assert whole.corrective_settings == {}
 
 
+@pytest.mark.parametrize(("extra", "push", "inertia"), [("", 1.0, 0.01), (MIMIC, 3.0, 0.05)])
+def test_dozens_of_fixed_links_weigh_what_they_state(
+    extra: str, push: float, inertia: float, tmp_path: Path
+) -> None:
+    links = [WELDED.format(BODY).replace('"tip"', f'"t{i}"') for i in range(32)]
+    welded = "".join(one.replace('"w"', f'"w{i}"') for i, one in enumerate(links))
+    model = load("newton", urdf(extra=welded + extra), tmp_path)
+    total = inertia + 32 * (0.01 + 1)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(push / total, rel=1e-5)
+
+
 def test_joints_without_inertia_or_of_other_types_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match="moves nothing with inertia"):
         load("newton", urdf(body=""), tmp_path)

@@ -33,19 +33,10 @@ from tests.report.page import Page
 ROOT = Path(__file__).parents[2]
 ARM = """\
 <robot name="arm">
-  <link name="base">
-    <inertial>
-      <mass value="1"/>
-      <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-  </link>
-  <link name="boom">
-    <inertial>
-      <origin xyz="0.01 0.02 -0.2"/>
-      <mass value="1.3"/>
-      <inertia ixx="0.021" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/>
-    </inertial>
-  </link>
+  <link name="base"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="boom"><inertial><origin xyz="0.01 0.02 -0.2"/><mass value="1.3"/>
+    <inertia ixx="0.021" iyy="0.018" izz="0.006" ixy="0.001" ixz="0" iyz="0"/></inertial></link>
   <joint name="lift" type="continuous">
     <parent link="base"/><child link="boom"/><axis xyz="0 1 0"/>
   </joint>
@@ -186,7 +177,7 @@ def test_changed_number_is_named_by_file_and_line_first(
     assert cli.main(["gate", "robots", "--engine", "mujoco"]) == DIFFER
     headline, fix, command, *_ = capsys.readouterr().out.splitlines()
     assert headline == (
-        "FAIL  robots/arm.urdf:11 mass of link boom 1.3 -> 1.35 changed 1 of 3 cases"
+        "FAIL  robots/arm.urdf:4 mass of link boom 1.3 -> 1.35 changed 1 of 3 cases"
     )
     assert fix == "Fix: set it back to 1.3, or accept the change:"
     assert command.strip().startswith("crosscheck accept")
@@ -197,11 +188,11 @@ def test_changed_number_is_named_by_file_and_line_first(
         ("robots/arm.urdf", ["model", "equations"])
     ]
     (diff,) = record["files"]
-    assert [one["line"] for one in diff["changes"]] == [11]
+    assert [one["line"] for one in diff["changes"]] == [4]
     page = Page(Path("reports/gate/gate.html").read_text())
     lines = page.lines("overview")
     assert headline == f"FAIL  {lines[1]}"
-    assert lines.count("robots/arm.urdf:11 mass of link boom 1.3 -> 1.35") == 1
+    assert lines.count("robots/arm.urdf:4 mass of link boom 1.3 -> 1.35") == 1
     assert any(id_.startswith("case-") and "arm.urdf/mujoco" in id_ for id_ in page.ids())
 
 
@@ -209,7 +200,7 @@ def test_annotations_and_the_summary_name_the_changed_line(robots: Robots) -> No
     robots.edit('mass value="1.3"', 'mass value="1.35"')
     result = robots.gate()
     (note,) = notes(result)
-    assert (note.file.name, note.line) == ("arm.urdf", 11)
+    assert (note.file.name, note.line) == ("arm.urdf", 4)
     assert note.title == f"changed: {ARM_CASE}"
     assert "**robots/arm.urdf**" in summary(result)
     assert robots.accept("heavier", result).cases == (result.changes[0].id,)

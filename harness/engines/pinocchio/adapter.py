@@ -91,7 +91,7 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             _attach_to_ground(root)
         if self.settings["all_geoms"]:
             _enable_contacts(root)
-        drawn = self._read(root) if self.floats else None
+        drawn: Any = self._read(root) if self.floats else None
         model = self._read(without_pose(root))
         names, springs = self._names(model), list[tuple[float, Array]]()
         for free in self.declared.frees:
