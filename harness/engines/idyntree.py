@@ -10,32 +10,22 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.installed import (
-    STDERR,
-    STDOUT,
-    capture_output,
-    import_quietly,
-)
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, LoadedModel, ModelSpec
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE, each_alone
-from physics_crosscheck.harness.engines.source import load_failure, one_line
-from physics_crosscheck.harness.engines.stepped_here import (
-    ADDED_HERE,
-    CAPABILITIES,
-    SteppedHere,
-    dampers_not_added,
-)
-from physics_crosscheck.harness.engines.tree_model import constrained_accelerations, leader_matrix
-from physics_crosscheck.harness.engines.urdf import UrdfReader
-from physics_crosscheck.harness.engines.urdf_copy import bare_cause, with_masses, without_shapes
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     from_quaternion,
     rotate,
     rotate_back,
 )
+from .installed import STDERR, STDOUT, capture_output, import_quietly
+from .protocol import Array, EngineError, LoadedModel, ModelSpec
+from .remark import Remark
+from .runge_kutta import FREE, each_alone
+from .source import load_failure, one_line
+from .stepped_here import ADDED_HERE, CAPABILITIES, SteppedHere, dampers_not_added
+from .tree_model import constrained_accelerations, leader_matrix
+from .urdf import UrdfReader
+from .urdf_copy import bare_cause, with_masses, without_shapes
+from .urdf_engine import UrdfEngine, UrdfModel
 
 MIMICS = "iDynTree's leaving out of <mimic>"
 

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import (
+from .protocol import (
     Array,
     Engine,
     EngineError,

@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, has_shape_inertia
-from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
-from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
-from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS
 from physics_crosscheck.reference.mechanism.bodies import Quaternion, RigidBody, Triple
+from .mjcf_declared import DeclaredMjcf
+from .mjcf_defaults import Defaults, body_names, has_shape_inertia
+from .mjcf_inertias import is_aligned
+from .mjcf_joints import FREE, JOINTS, MjcfJoint
+from .mjcf_source import ORIENTATIONS
 
 POSE = ("pos", *ORIENTATIONS)
 

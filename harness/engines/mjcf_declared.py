@@ -8,31 +8,15 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.compiled import CompiledActuator, Numbers
-from physics_crosscheck.harness.engines.mjcf_defaults import (
-    Attributes,
-    Defaults,
-    number_of,
-    numbers_of,
-)
-from physics_crosscheck.harness.engines.mjcf_inertias import (
-    GravityCompensation,
-    compiled_bodies,
-    left_to_compiler,
-    lifts_of,
-)
-from physics_crosscheck.harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
-from physics_crosscheck.harness.engines.mjcf_refused import refuse
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource, read_source_mjcf
-from physics_crosscheck.harness.engines.protocol import (
-    Engine,
-    EngineError,
-    ModelSpec,
-    Spring,
-    held_joints,
-)
-from physics_crosscheck.harness.engines.urdf_copy import followers_of
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
+from .compiled import CompiledActuator, Numbers
+from .mjcf_defaults import Attributes, Defaults, number_of, numbers_of
+from .mjcf_inertias import GravityCompensation, compiled_bodies, left_to_compiler, lifts_of
+from .mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
+from .mjcf_refused import refuse
+from .mjcf_source import MjcfSource, read_source_mjcf
+from .protocol import Engine, EngineError, ModelSpec, Spring, held_joints
+from .urdf_copy import followers_of
 
 _PARAMETERS = 10
 """Numbers of a compiled gain, and of a bias."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from .mjcf_source import MjcfSource
 
 WHOLE = "springlength"
 """The attribute whose single number overwrites both of its class."""

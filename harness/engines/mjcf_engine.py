@@ -5,22 +5,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mjcf_declared import declared_mjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import body_names
-from physics_crosscheck.harness.engines.mjcf_refused import unread
-from physics_crosscheck.harness.engines.mjcf_source import option_remarks
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    Engine,
-    EngineError,
-    ModelSpec,
-    Sample,
-    Spring,
-    clip_ranges,
-)
-from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
-from physics_crosscheck.harness.engines.tree_model import TreeModel, Weight
 from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
+from .mjcf_declared import declared_mjcf
+from .mjcf_defaults import body_names
+from .mjcf_refused import unread
+from .mjcf_source import option_remarks
+from .protocol import Array, Engine, EngineError, ModelSpec, Sample, Spring, clip_ranges
+from .remark import Remark, friction_remark, limit_remarks
+from .tree_model import TreeModel, Weight
 
 ADDED: Mapping[str, bool] = MappingProxyType({
     # Whether elements that the engine leaves out are added: springs of joints, springs and dampers

@@ -6,19 +6,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.compiled import Numbers
-from physics_crosscheck.harness.engines.mjcf_defaults import (
-    Attributes,
-    Defaults,
-    bodies_of,
-    has_shape_inertia,
-    number_of,
-    numbers_of,
-)
-from physics_crosscheck.harness.engines.mjcf_joints import FREE, MjcfJoint
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
-from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.reference.mechanism.bodies import RigidBody
+from .compiled import Numbers
+from .mjcf_defaults import Attributes, Defaults, bodies_of, has_shape_inertia, number_of, numbers_of
+from .mjcf_joints import FREE, MjcfJoint
+from .mjcf_source import MjcfSource
+from .protocol import Engine
 
 SHAPES = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
 """Shapes whose mass follows from numbers of the file."""

@@ -5,14 +5,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_defaults import (
-    Attributes,
-    Defaults,
-    bodies_of,
-    number_of,
-    numbers_of,
-)
-from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from .mjcf_defaults import Attributes, Defaults, bodies_of, number_of, numbers_of
+from .mjcf_source import MjcfSource
 
 FREE, BALL, SLIDE, HINGE = "free", "ball", "slide", "hinge"
 

@@ -3,15 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_defaults import (
-    bodies_of,
-    has_shape_inertia,
-    number_of,
-    numbers_of,
-)
-from physics_crosscheck.harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
-from physics_crosscheck.harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
-from physics_crosscheck.harness.engines.mjcf_source import ORIENTATIONS, MjcfSource
+from .mjcf_defaults import bodies_of, has_shape_inertia, number_of, numbers_of
+from .mjcf_inertias import GEOMS_ALONE, Reason
+from .mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
+from .mjcf_source import ORIENTATIONS, MjcfSource
 
 FLUID_OPTIONS = ("density", "viscosity", "wind")
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import read_document, refused
+from .protocol import EngineError, ModelSpec, UnsupportedError
+from .remark import Remark
+from .source import read_document, refused
 
 OPTIONS: Mapping[str, tuple[str, object]] = {
     "step": ("timestep", 0.002),

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from physics_crosscheck.harness.engines.protocol import DefaultLeftOn, Engine
-from physics_crosscheck.harness.engines.pybullet.settings import DEFAULTS as PYBULLET
-from physics_crosscheck.harness.engines.registry import BUILT_IN, install_command
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
+from .protocol import DefaultLeftOn, Engine
+from .pybullet.settings import DEFAULTS as PYBULLET
+from .registry import BUILT_IN, install_command
+from .urdf_engine import UrdfEngine
 
 BEGIN, END = (
     "<!-- generated: python -m physics_crosscheck.harness.engines.pages docs/engines -->",

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.documents.errors import FileError
-from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.engines.remark import Remark
 from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws, Rules, Substeps
 from physics_crosscheck.reference.mechanism.planar import PlanarContact, PlanarLaws
 from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
+from .compiled import CompiledTree
+from .remark import Remark
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,18 +5,18 @@ import warnings
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 
-from physics_crosscheck.harness.engines.dart import DartEngine
-from physics_crosscheck.harness.engines.drake import DrakeEngine
-from physics_crosscheck.harness.engines.idyntree import IdyntreeEngine
-from physics_crosscheck.harness.engines.installed import python_path
-from physics_crosscheck.harness.engines.mujoco import MjxEngine, MujocoEngine
-from physics_crosscheck.harness.engines.newton import NewtonEngine
-from physics_crosscheck.harness.engines.physx import PhysxEngine
-from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
-from physics_crosscheck.harness.engines.protocol import Engine
-from physics_crosscheck.harness.engines.pybullet import PybulletEngine
-from physics_crosscheck.harness.engines.pymunk import PymunkEngine
-from physics_crosscheck.harness.engines.sapien import SapienEngine
+from .dart import DartEngine
+from .drake import DrakeEngine
+from .idyntree import IdyntreeEngine
+from .installed import python_path
+from .mujoco import MjxEngine, MujocoEngine
+from .newton import NewtonEngine
+from .physx import PhysxEngine
+from .pinocchio import PinocchioEngine
+from .protocol import Engine
+from .pybullet import PybulletEngine
+from .pymunk import PymunkEngine
+from .sapien import SapienEngine
 
 BUILT_IN = (
     *(MujocoEngine, PybulletEngine, PymunkEngine),

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,
@@ -23,6 +22,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     quaternion_product,
     unit_quaternion,
 )
+from .protocol import Array, Force, StateForce
 
 FREE, BALL = 6, 3
 """Numbers of coordinates of a free and of a ball joint."""

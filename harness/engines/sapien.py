@@ -18,26 +18,6 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.installed import import_quietly
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    DefaultLeftOn,
-    LoadedModel,
-    ModelSpec,
-    StepRule,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
-from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
-from physics_crosscheck.harness.engines.urdf_copy import (
-    Change,
-    bare_cause,
-    temporary_urdf,
-    without_visuals,
-)
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,
@@ -45,6 +25,15 @@ from physics_crosscheck.reference.mechanism.rotations import (
     minimal_coordinates,
     unit_quaternion,
 )
+from .installed import import_quietly
+from .protocol import Array, DefaultLeftOn, LoadedModel, ModelSpec, StepRule
+from .remark import Remark
+from .runge_kutta import FREE
+from .tree_model import SpringForces, Stepper
+from .urdf import UrdfReader, refuse_negative_masses
+from .urdf_copy import Change, bare_cause, temporary_urdf, without_visuals
+from .urdf_engine import UrdfEngine, UrdfModel
+from .urdf_sidecar import ROBOTS
 
 SAPIEN_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "link_damping": (0.05, "SAPIEN's damping of links"),

@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile, read_sdf
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
-from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
-from physics_crosscheck.harness.engines.source import read_document, refuse_problems
-from physics_crosscheck.harness.engines.urdf import UrdfReader
+from .protocol import Array, EngineError, Sample
+from .remark import Remark, friction_remark, limit_remarks
+from .source import read_document, refuse_problems
+from .urdf import UrdfReader
 
 
 def load_sdf(path: Path, model: object = "") -> SdfFile:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.frames import has_automatic
 from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.sdf import load_sdf, sdf_remarks
-from physics_crosscheck.harness.engines.urdf import UrdfReader
-from physics_crosscheck.harness.engines.urdf_copy import Change, followers_of, with_changes
-from physics_crosscheck.harness.engines.urdf_sidecar import Declarations, kept_mimics
+from .protocol import Array, EngineError, ModelSpec, held_joints
+from .remark import Remark
+from .sdf import load_sdf, sdf_remarks
+from .urdf import UrdfReader
+from .urdf_copy import Change, followers_of, with_changes
+from .urdf_sidecar import Declarations, kept_mimics
 
 OPAQUE = ("plugin", "sensor", "gripper", "visual", "light", "projector")
 """Elements that are removed for engines: visuals, sensors, and content that a simulator would

@@ -16,12 +16,7 @@ from physics_crosscheck.harness.documents.errors import LocationError, RefusedFi
 from physics_crosscheck.harness.documents.expanded import locate_file
 from physics_crosscheck.harness.documents.reading import MAX_MODEL_BYTES, read_regular
 from physics_crosscheck.harness.documents.usd import UsdStage
-from physics_crosscheck.harness.engines.protocol import (
-    EngineError,
-    ModelSpec,
-    Sample,
-    UnsupportedError,
-)
+from .protocol import EngineError, ModelSpec, Sample, UnsupportedError
 
 
 class NoXmlError(EngineError):

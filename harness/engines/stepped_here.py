@@ -5,20 +5,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    DefaultLeftOn,
-    StepRule,
-    UnsupportedError,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import (
-    Accelerations,
-    RungeKutta,
-    SingleAccelerations,
-)
-from physics_crosscheck.harness.engines.tree_model import SpringForces, TreeModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
+from .protocol import Array, DefaultLeftOn, StepRule, UnsupportedError
+from .remark import Remark
+from .runge_kutta import Accelerations, RungeKutta, SingleAccelerations
+from .tree_model import SpringForces, TreeModel
+from .urdf_sidecar import ROBOTS
 
 ADDED_HERE: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,

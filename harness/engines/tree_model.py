@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
+from .protocol import (
     Array,
     EngineError,
     Force,
@@ -20,15 +21,8 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
     WholeState,
 )
-from physics_crosscheck.harness.engines.runge_kutta import (
-    BALL,
-    FREE,
-    Accelerations,
-    JointLayout,
-    RungeKutta,
-)
-from physics_crosscheck.harness.engines.source import engine_errors
-from physics_crosscheck.reference.mechanism.rotations import place_names, rotation_names
+from .runge_kutta import BALL, FREE, Accelerations, JointLayout, RungeKutta
+from .source import engine_errors
 
 
 def leader_matrix(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Array:

@@ -15,9 +15,9 @@ from types import MappingProxyType
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile
 from physics_crosscheck.harness.documents.urdf import UrdfFile, UrdfJoint, read_urdf
-from physics_crosscheck.harness.engines.protocol import Array, Sample
-from physics_crosscheck.harness.engines.remark import Remark, friction_remark, limit_remarks
-from physics_crosscheck.harness.engines.source import read_document, refuse_problems, refused
+from .protocol import Array, Sample
+from .remark import Remark, friction_remark, limit_remarks
+from .source import read_document, refuse_problems, refused
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
 """Settings of a URDF without a sidecar, which the format can't state."""

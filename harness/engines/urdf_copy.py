@@ -14,8 +14,8 @@ from types import MappingProxyType
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.expanded import locate_file
-from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.harness.engines.source import shortened, temporary_file
+from .protocol import EngineError
+from .source import shortened, temporary_file
 
 BARE: Mapping[str, object] = {"bare_links": False}
 """The adapter's setting that gives links without `<inertial>` no mass."""

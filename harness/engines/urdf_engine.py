@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from physics_crosscheck.harness.documents.reading import STAGE_SETTINGS, USD_SUFFIXES
-from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.mjcf_source import with_options
-from physics_crosscheck.harness.engines.protocol import (
+from .installed import version_of
+from .mjcf_source import with_options
+from .protocol import (
     ARMATURES,
     Array,
     Engine,
@@ -20,22 +20,13 @@ from physics_crosscheck.harness.engines.protocol import (
     Sample,
     clip_ranges,
 )
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
-from physics_crosscheck.harness.engines.source import engine_errors, with_stage_settings
-from physics_crosscheck.harness.engines.tree_model import TreeModel
-from physics_crosscheck.harness.engines.urdf import (
-    SETTINGS,
-    URDF_NON_PHYSICAL,
-    UrdfReader,
-    sample_urdf,
-)
-from physics_crosscheck.harness.engines.urdf_copy import Change
-from physics_crosscheck.harness.engines.urdf_sidecar import (
-    Declarations,
-    check_settings,
-    declared_urdf,
-)
+from .remark import Remark
+from .sdf_sidecar import MODEL, declared_sdf, stated
+from .source import engine_errors, with_stage_settings
+from .tree_model import TreeModel
+from .urdf import SETTINGS, URDF_NON_PHYSICAL, UrdfReader, sample_urdf
+from .urdf_copy import Change
+from .urdf_sidecar import Declarations, check_settings, declared_urdf
 
 SDF = ".sdf"
 MJCF = ".xml"

@@ -9,23 +9,10 @@ from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import SdfFile
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    ModelSpec,
-    Spring,
-    held_joints,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.urdf import UrdfReader, load_urdf, urdf_remarks
-from physics_crosscheck.harness.engines.urdf_copy import (
-    Change,
-    followers_of,
-    mimics_of,
-    with_changes,
-    with_held,
-    without_shapes,
-)
+from .protocol import Array, EngineError, ModelSpec, Spring, held_joints
+from .remark import Remark
+from .urdf import UrdfReader, load_urdf, urdf_remarks
+from .urdf_copy import Change, followers_of, mimics_of, with_changes, with_held, without_shapes
 
 REQUIRED = ("step", "gravity")
 """Settings that a sidecar must state, since no URDF does."""

@@ -39,6 +39,6 @@ def executor(
             workers.begin()
         return workers
     # Import late: dask is an extra, and takes a second.
-    from physics_crosscheck.harness.jobs.cluster import Cluster
+    from .cluster import Cluster
 
     return Cluster(scheduler, jobs=jobs, limits=limits, files=tuple(files()), engines=engines)

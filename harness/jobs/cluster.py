@@ -343,7 +343,7 @@ def _by_value() -> Callable[..., Any]:
     """
 
     def call(name: str, *arguments: Any) -> Any:
-        from physics_crosscheck.harness.jobs import remote_workers
+        from . import remote_workers
 
         return getattr(remote_workers, name)(*arguments)
 

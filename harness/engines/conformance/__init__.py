@@ -13,12 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from physics_crosscheck.harness.engines.conformance import adapter_checks
-from physics_crosscheck.harness.engines.conformance.subject import (
-    ConformanceError,
-    ConformanceSubject,
-)
-from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
+from ..protocol import Engine, ModelSpec
+from . import adapter_checks
+from .subject import ConformanceError, ConformanceSubject
 
 CHECKS: tuple[Callable[[ConformanceSubject], None], ...] = (
     adapter_checks.engine_is_described,

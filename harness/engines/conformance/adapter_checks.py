@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.conformance.subject import (
+from ..protocol import Engine, EngineError, ModelSpec, StateForce
+from ..remark import Remark
+from .subject import (
     BATCH,
     EVERY,
     STEPS,
@@ -19,8 +21,6 @@ from physics_crosscheck.harness.engines.conformance.subject import (
     alike,
     ask,
 )
-from physics_crosscheck.harness.engines.protocol import Engine, EngineError, ModelSpec, StateForce
-from physics_crosscheck.harness.engines.remark import Remark
 
 ORDER_STEPS = (16, 32, 64, 128)
 """Step counts of a short motion from which its order is observed."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, LoadedModel, ModelSpec
+from ..protocol import Array, Engine, Force, LoadedModel, ModelSpec
 
 BATCH, STEPS, EVERY = 3, 12, 4
 NEAR = 0.05

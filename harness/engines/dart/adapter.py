@@ -19,7 +19,38 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.read import read_sdf
-from physics_crosscheck.harness.engines.dart.sdf import (
+from physics_crosscheck.reference.mechanism.rotations import (
+    exponential,
+    from_quaternion,
+    minimal_coordinates,
+    quaternion_product,
+    unit_quaternion,
+)
+from ..installed import STDERR, STDOUT, capture_output
+from ..protocol import Array, EngineError, Force, LoadedModel, ModelSpec, Sample, StepRule
+from ..remark import Remark
+from ..runge_kutta import BALL, FREE, JointLayout, each_alone
+from ..sdf import SDF_NON_PHYSICAL, sample_sdf
+from ..sdf_sidecar import DeclaredSdf, sdf_without_bounds, sdf_without_friction
+from ..source import load_failure, one_line, shortened
+from ..tree_model import SpringForces, Stepper
+from ..urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
+from ..urdf_copy import (
+    BARE,
+    TRIMMED,
+    Change,
+    bare_cause,
+    bare_links,
+    dropped_cause,
+    refuse_blanks,
+    trim_numbers,
+    without_friction,
+    without_shapes,
+    zero_missing_inertials,
+)
+from ..urdf_engine import SDF, UrdfEngine, UrdfModel
+from ..urdf_sidecar import ROBOTS, Declarations
+from .sdf import (
     as_older,
     automatic_cause,
     automatic_links,
@@ -39,50 +70,7 @@ from physics_crosscheck.harness.engines.dart.sdf import (
     with_turned,
     without_collisions,
 )
-from physics_crosscheck.harness.engines.dart.whole import WHOLE_SETTINGS, DartWhole
-from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    Force,
-    LoadedModel,
-    ModelSpec,
-    Sample,
-    StepRule,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import BALL, FREE, JointLayout, each_alone
-from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, sample_sdf
-from physics_crosscheck.harness.engines.sdf_sidecar import (
-    DeclaredSdf,
-    sdf_without_bounds,
-    sdf_without_friction,
-)
-from physics_crosscheck.harness.engines.source import load_failure, one_line, shortened
-from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper
-from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
-from physics_crosscheck.harness.engines.urdf_copy import (
-    BARE,
-    TRIMMED,
-    Change,
-    bare_cause,
-    bare_links,
-    dropped_cause,
-    refuse_blanks,
-    trim_numbers,
-    without_friction,
-    without_shapes,
-    zero_missing_inertials,
-)
-from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, Declarations
-from physics_crosscheck.reference.mechanism.rotations import (
-    exponential,
-    from_quaternion,
-    minimal_coordinates,
-    quaternion_product,
-    unit_quaternion,
-)
+from .whole import WHOLE_SETTINGS, DartWhole
 
 TYPES = ("BallJoint", "FreeJoint", "UniversalJoint")
 """DART's types of joints with several degrees of freedom that are covered."""

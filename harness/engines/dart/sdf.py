@@ -10,11 +10,11 @@ from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.sdf.frames import SIZES, WATER, has_automatic, solid
 from physics_crosscheck.harness.documents.sdf.read import AXES, SdfFile, SdfJoint
-from physics_crosscheck.harness.engines.protocol import Array, EngineError
-from physics_crosscheck.harness.engines.sdf import number
-from physics_crosscheck.harness.engines.sdf_sidecar import VERSION, sdf_without_bounds_of
-from physics_crosscheck.harness.engines.source import refused, shortened, temporary_file
 from physics_crosscheck.reference.mechanism.rotations import from_rpy
+from ..protocol import Array, EngineError
+from ..sdf import number
+from ..sdf_sidecar import VERSION, sdf_without_bounds_of
+from ..source import refused, shortened, temporary_file
 
 _PARSED_VERSIONS = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import EngineStep, WholeState
-from physics_crosscheck.harness.engines.tree_model import TreeModel, UndrivenWhole
 from physics_crosscheck.reference.mechanism.laws import NearRigidRules
+from ..protocol import EngineStep, WholeState
+from ..tree_model import TreeModel, UndrivenWhole
 
 WHOLE_SETTINGS = {"smooth": False, "couplings": False, "bare_links": False, "trimmed_numbers": True}
 """Settings of the adapter: with dry friction, and without DART's own assumptions."""

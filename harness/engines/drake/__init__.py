@@ -1,5 +1,5 @@
 """The Drake adapter and the plants that it steps."""
 
-from physics_crosscheck.harness.engines.drake.adapter import DrakeEngine
+from .adapter import DrakeEngine
 
 __all__ = ["DrakeEngine"]

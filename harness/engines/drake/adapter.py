@@ -29,45 +29,20 @@ from physics_crosscheck.harness.documents.document import Document, Mimic, finit
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import LocationError
 from physics_crosscheck.harness.documents.sdf.read import has_no_weight
-from physics_crosscheck.harness.engines.drake.model import (
-    CONTINUOUS,
-    SAP,
-    TAMSI,
-    DrakeModel,
-    refuse_balls,
-)
-from physics_crosscheck.harness.engines.drake.plant import moving_joints, weight_of
-from physics_crosscheck.harness.engines.drake.whole import (
-    FORMS,
-    WHOLE_SETTINGS,
-    DrakeWhole,
-    refuse_words,
-)
-from physics_crosscheck.harness.engines.mjcf_copy import POSE, copy_mjcf
-from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, body_names
-from physics_crosscheck.harness.engines.mjcf_engine import (
-    ADDED,
-    MJCF_NON_PHYSICAL,
-    MjcfModel,
-    sample_mjcf,
-)
-from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
-from physics_crosscheck.harness.engines.protocol import (
-    ARMATURES,
-    Array,
-    Engine,
-    LoadedModel,
-    ModelSpec,
-    Sample,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
-from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
-from physics_crosscheck.harness.engines.source import engine_errors, shortened
-from physics_crosscheck.harness.engines.urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
-from physics_crosscheck.harness.engines.urdf_copy import (
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+from ..mjcf_copy import POSE, copy_mjcf
+from ..mjcf_declared import DeclaredMjcf
+from ..mjcf_defaults import bodies_of, body_names
+from ..mjcf_engine import ADDED, MJCF_NON_PHYSICAL, MjcfModel, sample_mjcf
+from ..mjcf_joints import SLIDE, MjcfJoint, rows_of
+from ..protocol import ARMATURES, Array, Engine, LoadedModel, ModelSpec, Sample
+from ..remark import Remark
+from ..runge_kutta import FREE
+from ..sdf import SDF_NON_PHYSICAL, load_sdf, sample_sdf
+from ..sdf_sidecar import MODEL, sdf_mimics_of, sdf_without_bounds
+from ..source import engine_errors, shortened
+from ..urdf import URDF_NON_PHYSICAL, UrdfReader, sample_urdf
+from ..urdf_copy import (
     Change,
     followers_of,
     mimics_of,
@@ -78,9 +53,11 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_shapes,
     without_visuals,
 )
-from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, kept_mimics
-from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+from ..urdf_engine import SDF, UrdfEngine, UrdfModel
+from ..urdf_sidecar import ROBOTS, kept_mimics
+from .model import CONTINUOUS, SAP, TAMSI, DrakeModel, refuse_balls
+from .plant import moving_joints, weight_of
+from .whole import FORMS, WHOLE_SETTINGS, DrakeWhole, refuse_words
 
 PREFIX = "drake:"
 """The prefix of elements that only Drake reads."""

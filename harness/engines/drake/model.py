@@ -15,27 +15,12 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic
-from physics_crosscheck.harness.engines.drake.plant import (
-    SIZES,
-    DiscreteSteps,
-    Plant,
-    moving_joints,
-)
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    Force,
-    StepRule,
-    UnsupportedError,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE, RungeKutta, each_alone
-from physics_crosscheck.harness.engines.source import load_failure, one_line
-from physics_crosscheck.harness.engines.tree_model import (
-    TreeModel,
-    constrained_accelerations,
-    leader_matrix,
-)
+from ..protocol import Array, EngineError, Force, StepRule, UnsupportedError
+from ..remark import Remark
+from ..runge_kutta import FREE, RungeKutta, each_alone
+from ..source import load_failure, one_line
+from ..tree_model import TreeModel, constrained_accelerations, leader_matrix
+from .plant import SIZES, DiscreteSteps, Plant, moving_joints
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
 """Moments of inertia, kg m^2, of a 1 kg ball of water: Drake's substitute for an impossible

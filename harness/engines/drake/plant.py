@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array
-from physics_crosscheck.harness.engines.runge_kutta import BALL, FREE, JointLayout
-from physics_crosscheck.harness.engines.tree_model import SpringForces, Stepper, Weight
 from physics_crosscheck.reference.mechanism.rotations import (
     from_quaternion,
     from_rpy,
     to_quaternion,
     to_rpy,
 )
+from ..protocol import Array
+from ..runge_kutta import BALL, FREE, JointLayout
+from ..tree_model import SpringForces, Stepper, Weight
 
 SIZES = {"quaternion_floating": FREE, "ball_rpy": BALL, "universal": 2}
 """Numbers of coordinates of Drake's types of joints with several."""

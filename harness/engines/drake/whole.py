@@ -14,17 +14,17 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import read_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.errors import quote
-from physics_crosscheck.harness.engines.drake.model import DrakeModel, collect_log
-from physics_crosscheck.harness.engines.drake.plant import Plant, moving_joints
-from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeState
-from physics_crosscheck.harness.engines.source import refused
-from physics_crosscheck.harness.engines.tree_model import SpringForces, UndrivenWhole
-from physics_crosscheck.harness.engines.urdf_copy import DEEP, has_form
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
     ContactPoint,
     NearRigidRules,
 )
+from ..protocol import Array, EngineStep, WholeState
+from ..source import refused
+from ..tree_model import SpringForces, UndrivenWhole
+from ..urdf_copy import DEEP, has_form
+from .model import DrakeModel, collect_log
+from .plant import Plant, moving_joints
 
 WHOLE_SETTINGS = {"smooth": False, "couplings": False, "stepping": "sap"}
 """Settings of the adapter: with limits."""

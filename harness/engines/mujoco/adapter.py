@@ -16,65 +16,11 @@ from numpy.typing import NDArray
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.compiled import CompiledTree
-from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.mjcf_engine import MJCF_NON_PHYSICAL, sample_mjcf
-from physics_crosscheck.harness.engines.mujoco.mjcf import (
-    checked_numbers,
-    checked_step,
-    included,
-    load_error,
-    sources,
-)
-from physics_crosscheck.harness.engines.mujoco.pulls import equalities_act
-from physics_crosscheck.harness.engines.mujoco.remarks import (
-    UNCOMPENSATED,
-    file_remarks,
-    idle_compensation,
-    model_remarks,
-)
-from physics_crosscheck.harness.engines.mujoco.shapes import (
-    mesh_of,
-    mesh_offset,
-    placed_shapes,
-    shape_name,
-    without_idle_files,
-    without_mesh_files,
-)
-from physics_crosscheck.harness.engines.mujoco.smooth import (
-    WITHOUT,
-    Warnings,
-    apply_settings,
-    held_controls,
-    is_on,
-    keep_equalities,
-    remove_uncovered,
-    rounded_frames,
-    state_names,
-    states_move,
-    without_joints,
-)
-from physics_crosscheck.harness.engines.mujoco.state import (
-    States,
-    equality_errors,
-    forward,
-    holds_exactly,
-    step_rule,
-)
-from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
-from physics_crosscheck.harness.engines.mujoco.urdf import (
-    FORMS,
-    SHAPE_MASSES,
-    changes,
-    complete_urdf,
-    extension_cause,
-    extensions,
-    name_collisions,
-    shaped_links,
-    urdf_whole,
-)
-from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, from_quaternion
+from ..compiled import CompiledTree
+from ..installed import version_of
+from ..mjcf_engine import MJCF_NON_PHYSICAL, sample_mjcf
+from ..protocol import (
     Array,
     DefaultLeftOn,
     Engine,
@@ -88,15 +34,10 @@ from physics_crosscheck.harness.engines.protocol import (
     StepRule,
     clip_ranges,
 )
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors
-from physics_crosscheck.harness.engines.urdf import (
-    SETTINGS,
-    URDF_NON_PHYSICAL,
-    load_urdf,
-    sample_urdf,
-)
-from physics_crosscheck.harness.engines.urdf_copy import (
+from ..remark import Remark
+from ..source import engine_errors
+from ..urdf import SETTINGS, URDF_NON_PHYSICAL, load_urdf, sample_urdf
+from ..urdf_copy import (
     Change,
     bare_cause,
     followers_of,
@@ -104,7 +45,44 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     with_forms,
     without_visuals,
 )
-from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, from_quaternion
+from .mjcf import checked_numbers, checked_step, included, load_error, sources
+from .pulls import equalities_act
+from .remarks import UNCOMPENSATED, file_remarks, idle_compensation, model_remarks
+from .shapes import (
+    mesh_of,
+    mesh_offset,
+    placed_shapes,
+    shape_name,
+    without_idle_files,
+    without_mesh_files,
+)
+from .smooth import (
+    WITHOUT,
+    Warnings,
+    apply_settings,
+    held_controls,
+    is_on,
+    keep_equalities,
+    remove_uncovered,
+    rounded_frames,
+    state_names,
+    states_move,
+    without_joints,
+)
+from .state import States, equality_errors, forward, holds_exactly, step_rule
+from .tree import compiled_tree
+from .urdf import (
+    FORMS,
+    SHAPE_MASSES,
+    changes,
+    complete_urdf,
+    extension_cause,
+    extensions,
+    name_collisions,
+    shaped_links,
+    urdf_whole,
+)
+from .whole import MujocoWhole
 
 
 class PoseEvaluator:

@@ -5,7 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mujoco.pulls import (
+from physics_crosscheck.reference.mechanism.bodies import ForceElement
+from physics_crosscheck.reference.mechanism.laws import (
+    Actuator,
+    Anchor,
+    ContactParameters,
+    Curve,
+    Dynamics,
+    Laws,
+    SoftEquality,
+    SoftFriction,
+    SoftLimit,
+    Softness,
+    Surface,
+)
+from .pulls import (
     acts,
     actuators,
     armature_and_damping,
@@ -22,22 +36,8 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     output,
     powers,
 )
-from physics_crosscheck.harness.engines.mujoco.smooth import smooth_omissions
-from physics_crosscheck.harness.engines.mujoco.state import BALL
-from physics_crosscheck.reference.mechanism.bodies import ForceElement
-from physics_crosscheck.reference.mechanism.laws import (
-    Actuator,
-    Anchor,
-    ContactParameters,
-    Curve,
-    Dynamics,
-    Laws,
-    SoftEquality,
-    SoftFriction,
-    SoftLimit,
-    Softness,
-    Surface,
-)
+from .smooth import smooth_omissions
+from .state import BALL
 
 _DYNAMICS: Mapping[str, Dynamics] = {
     "NONE": "none", "INTEGRATOR": "integrator", "FILTER": "filter",

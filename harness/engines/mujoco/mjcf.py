@@ -10,16 +10,9 @@ from pathlib import Path
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.schema import similar
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
-from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
-from physics_crosscheck.harness.engines.source import (
-    NoXmlError,
-    check_memory,
-    load_failure,
-    one_line,
-    read_document,
-    refused,
-)
+from ..protocol import EngineError, ModelSpec
+from ..remark import POSITION_FORCE_TERMS, Remark
+from ..source import NoXmlError, check_memory, load_failure, one_line, read_document, refused
 
 _OVERRIDING = {"step": "timestep", "gravity": "gravity", "integrator": "integrator"}
 """Settings of a sidecar, and the `<option>` attribute that each overrides."""

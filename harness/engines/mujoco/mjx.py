@@ -25,11 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
-from physics_crosscheck.harness.engines.mujoco.pulls import powers
-from physics_crosscheck.harness.engines.mujoco.smooth import states_move
-from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws
+from ..protocol import (
     Array,
     DefaultLeftOn,
     EngineError,
@@ -41,8 +38,11 @@ from physics_crosscheck.harness.engines.protocol import (
     StateForce,
     WholeState,
 )
-from physics_crosscheck.harness.engines.source import engine_errors
-from physics_crosscheck.reference.mechanism.laws import ContactPoint, Laws
+from ..source import engine_errors
+from .adapter import MujocoEngine, MujocoModel
+from .pulls import powers
+from .smooth import states_move
+from .whole import MujocoWhole
 
 _EXACT: Mapping[str, float] = MappingProxyType({
     "solver": 2, "tolerance": 0.0, "iterations": 100, "ls_iterations": 50, "jacobian": 0,

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import Numbers
 from physics_crosscheck.reference.mechanism.bodies import (
     ZERO,
     Coupling,
@@ -20,6 +19,7 @@ from physics_crosscheck.reference.mechanism.bodies import (
     Triple,
 )
 from physics_crosscheck.reference.mechanism.tree import CablePath, Fluid, FrameForce, JointForce
+from ..compiled import Numbers
 
 Length = CablePath[Site] | FrameForce[Site] | JointForce[str]
 Combination = tuple[tuple[int, float], ...]

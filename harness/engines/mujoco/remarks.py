@@ -8,24 +8,13 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.mujoco.mjcf import (
-    doubled_remarks,
-    load_error,
-    override_remarks,
-    stated,
-)
-from physics_crosscheck.harness.engines.mujoco.pulls import (
-    UNCOUPLED,
-    acts,
-    actuators,
-    joint_name,
-    split_tendons,
-)
-from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
-from physics_crosscheck.harness.engines.mujoco.smooth import Warnings
-from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
-from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark, limit_remarks
-from physics_crosscheck.harness.engines.urdf import UrdfReader, urdf_remarks
+from ..protocol import Array, ModelSpec
+from ..remark import POSITION_FORCE_TERMS, Remark, limit_remarks
+from ..urdf import UrdfReader, urdf_remarks
+from .mjcf import doubled_remarks, load_error, override_remarks, stated
+from .pulls import UNCOUPLED, acts, actuators, joint_name, split_tendons
+from .shapes import without_idle_files
+from .smooth import Warnings
 
 _URDF = UrdfReader(name="mujoco", no_inertial="its geoms' masses, or none")
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.compiled import CompiledShape, Numbers
-from physics_crosscheck.harness.engines.mujoco.pulls import as_triple, body_name, numbers_of
-from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.bodies import Quaternion, Site, Triple
+from ..compiled import CompiledShape, Numbers
+from ..protocol import Array
+from .pulls import as_triple, body_name, numbers_of
 
 _FORMS = {
     0: ("plane", 3),

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mujoco.pulls import (
+from ..protocol import Array, EngineError, ModelSpec, held_joints
+from .pulls import (
     acts,
     actuators,
     box_fluid,
@@ -25,8 +26,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     straight_equalities,
     without_ellipsoids,
 )
-from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
+from .shapes import without_idle_files
 
 _SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Equalities as stiff as a step allows, which settle in one step; steps can be 1e-8 s or less."""

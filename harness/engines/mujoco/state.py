@@ -20,17 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.mujoco.pulls import (
-    acts,
-    actuators,
-    box_fluid,
-    equalities_act,
-    joint_name,
-    powers,
-    straight_equalities,
-)
-from physics_crosscheck.harness.engines.protocol import Array, StepRule
-from physics_crosscheck.harness.engines.tree_model import constrained_accelerations
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,
@@ -38,6 +27,17 @@ from physics_crosscheck.reference.mechanism.rotations import (
     place_names,
     rotation_names,
     unit_quaternion,
+)
+from ..protocol import Array, StepRule
+from ..tree_model import constrained_accelerations
+from .pulls import (
+    acts,
+    actuators,
+    box_fluid,
+    equalities_act,
+    joint_name,
+    powers,
+    straight_equalities,
 )
 
 _RotationSlices = tuple[slice, slice]

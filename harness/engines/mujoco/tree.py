@@ -15,20 +15,19 @@ from typing import Any, TypeVar
 import numpy as np
 
 from physics_crosscheck.harness.documents.reading import read_regular
-from physics_crosscheck.harness.engines.compiled import (
-    CompiledActuator,
-    CompiledShape,
-    CompiledTree,
-    Numbers,
+from physics_crosscheck.reference.mechanism.bodies import (
+    ZERO,
+    Coupling,
+    ForceElement,
+    Joint,
+    RigidBody,
 )
-from physics_crosscheck.harness.engines.mujoco.laws import laws_of
-from physics_crosscheck.harness.engines.mujoco.mjcf import (
-    UNRECOGNIZED,
-    included,
-    load_error,
-    sources,
-)
-from physics_crosscheck.harness.engines.mujoco.pulls import (
+from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
+from ..compiled import CompiledActuator, CompiledShape, CompiledTree, Numbers
+from ..protocol import EngineError
+from .laws import laws_of
+from .mjcf import UNRECOGNIZED, included, load_error, sources
+from .pulls import (
     UNCOUPLED,
     acts,
     actuators,
@@ -49,7 +48,7 @@ from physics_crosscheck.harness.engines.mujoco.pulls import (
     pulls_as_computed,
     split_tendons,
 )
-from physics_crosscheck.harness.engines.mujoco.shapes import (
+from .shapes import (
     files_of_shapes,
     fitted_shapes,
     mesh_files,
@@ -57,16 +56,7 @@ from physics_crosscheck.harness.engines.mujoco.shapes import (
     with_mesh_files,
     without_idle_files,
 )
-from physics_crosscheck.harness.engines.mujoco.smooth import Warnings, besides, uncovered
-from physics_crosscheck.harness.engines.protocol import EngineError
-from physics_crosscheck.reference.mechanism.bodies import (
-    ZERO,
-    Coupling,
-    ForceElement,
-    Joint,
-    RigidBody,
-)
-from physics_crosscheck.reference.mechanism.tree import Kind, TreeError
+from .smooth import Warnings, besides, uncovered
 
 
 def compiled_actuator(m: Any, i: int) -> CompiledActuator:

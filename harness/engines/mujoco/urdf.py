@@ -14,12 +14,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.mujoco.laws import default_softness, laws_of
-from physics_crosscheck.harness.engines.mujoco.smooth import WITHOUT, apply_settings, is_on
-from physics_crosscheck.harness.engines.mujoco.whole import MujocoWhole
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
-from physics_crosscheck.harness.engines.source import shortened
-from physics_crosscheck.harness.engines.urdf_copy import (
+from physics_crosscheck.reference.mechanism.laws import SoftRules
+from ..protocol import EngineError, ModelSpec, held_joints
+from ..source import shortened
+from ..urdf_copy import (
     DEEP,
     Change,
     bare_links,
@@ -33,7 +31,9 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_law,
     without_visuals,
 )
-from physics_crosscheck.reference.mechanism.laws import SoftRules
+from .laws import default_softness, laws_of
+from .smooth import WITHOUT, apply_settings, is_on
+from .whole import MujocoWhole
 
 FORMS = ("box", "sphere", "cylinder", "capsule")
 """Tags of shapes that need no file."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.mujoco.smooth import Warnings
-from physics_crosscheck.harness.engines.mujoco.state import States
-from physics_crosscheck.harness.engines.protocol import Array, EngineStep, WholeModel, WholeState
 from physics_crosscheck.reference.mechanism.laws import ContactPoint
+from ..protocol import Array, EngineStep, WholeModel, WholeState
+from .smooth import Warnings
+from .state import States
 
 _EXACT: Mapping[str, float] = MappingProxyType({
     "solver": 2, "tolerance": 0.0, "iterations": 200, "ls_iterations": 200,

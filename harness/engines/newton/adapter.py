@@ -16,20 +16,8 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
-from physics_crosscheck.harness.engines.mjcf_engine import sample_mjcf
-from physics_crosscheck.harness.engines.newton.layout import Layout
-from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
-from physics_crosscheck.harness.engines.newton.reading import (
-    ParsedModel,
-    collapse,
-    collect_warnings,
-    correct_inertias,
-    limits_of,
-    new_builder,
-    without_limit_forces,
-)
-from physics_crosscheck.harness.engines.newton.usd import USD_NON_PHYSICAL, read_usd
-from physics_crosscheck.harness.engines.protocol import (
+from ..mjcf_engine import sample_mjcf
+from ..protocol import (
     Array,
     EngineError,
     Force,
@@ -40,13 +28,25 @@ from physics_crosscheck.harness.engines.protocol import (
     StepRule,
     clip_ranges,
 )
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import engine_errors, sample_stages, shortened
-from physics_crosscheck.harness.engines.tree_model import SpringForces
-from physics_crosscheck.harness.engines.urdf import UrdfReader, sample_urdf
-from physics_crosscheck.harness.engines.urdf_copy import with_changes, without_crossed_bounds
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
+from ..remark import Remark
+from ..source import engine_errors, sample_stages, shortened
+from ..tree_model import SpringForces
+from ..urdf import UrdfReader, sample_urdf
+from ..urdf_copy import with_changes, without_crossed_bounds
+from ..urdf_engine import UrdfEngine, UrdfModel
+from ..urdf_sidecar import ROBOTS
+from .layout import Layout
+from .mjcf import DROPS, read_mjcf
+from .reading import (
+    ParsedModel,
+    collapse,
+    collect_warnings,
+    correct_inertias,
+    limits_of,
+    new_builder,
+    without_limit_forces,
+)
+from .usd import USD_NON_PHYSICAL, read_usd
 
 KEPT = 8
 """The most batch sizes whose worlds are kept, and step sizes whose launches are kept."""

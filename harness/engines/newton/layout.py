@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,
@@ -21,6 +20,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_names,
     unit_quaternion,
 )
+from ..protocol import Array
 
 
 class _JointSlices(NamedTuple):

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_source import option_remarks, read_source_mjcf
-from physics_crosscheck.harness.engines.newton.layout import Layout
-from physics_crosscheck.harness.engines.newton.reading import (
+from ..mjcf_source import option_remarks, read_source_mjcf
+from ..protocol import EngineError, ModelSpec, Spring
+from ..urdf_copy import followers_of
+from .layout import Layout
+from .reading import (
     ParsedModel,
     collect_warnings,
     correct_inertias,
     new_builder,
     without_limit_forces,
 )
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
-from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 TENDONS = "Newton's leaving out of tendons"
 EQUALITIES = "Newton's leaving out of joint equalities"

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.newton.layout import Layout
-from physics_crosscheck.harness.engines.protocol import Array, Spring
-from physics_crosscheck.harness.engines.source import one_line
+from ..protocol import Array, Spring
+from ..source import one_line
+from .layout import Layout
 
 
 @dataclass(frozen=True, kw_only=True)

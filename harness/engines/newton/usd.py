@@ -9,18 +9,18 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
 from physics_crosscheck.harness.documents.usd import UsdStage
-from physics_crosscheck.harness.engines.newton.layout import Layout
-from physics_crosscheck.harness.engines.newton.mjcf import EQUALITIES, equal_joints
-from physics_crosscheck.harness.engines.newton.reading import (
+from ..protocol import EngineError, ModelSpec, held_joints
+from ..source import open_stage
+from ..urdf_copy import followers_of
+from .layout import Layout
+from .mjcf import EQUALITIES, equal_joints
+from .reading import (
     ParsedModel,
     collect_warnings,
     correct_inertias,
     new_builder,
     without_limit_forces,
 )
-from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
-from physics_crosscheck.harness.engines.source import open_stage
-from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 ORPHANS = "Newton's leaving out of joints without a PhysicsArticulationRootAPI"
 

@@ -36,8 +36,16 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
 from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
-from physics_crosscheck.harness.engines.physx.scene import FASTEST, PhysxScene, StageLayer
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.reference.mechanism.laws import Substeps
+from physics_crosscheck.reference.mechanism.rotations import (
+    SpatialInertia,
+    angular_velocity,
+    coordinate_rate,
+    from_quaternion,
+    minimal_coordinates,
+    unit_quaternion,
+)
+from ..protocol import (
     Array,
     DefaultLeftOn,
     LoadedModel,
@@ -48,26 +56,13 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
     held_joints,
 )
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import (
-    open_stage,
-    sample_stages,
-    shortened,
-    temporary_file,
-)
-from physics_crosscheck.harness.engines.tree_model import Stepper, TreeModel
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
-from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
-from physics_crosscheck.reference.mechanism.laws import Substeps
-from physics_crosscheck.reference.mechanism.rotations import (
-    SpatialInertia,
-    angular_velocity,
-    coordinate_rate,
-    from_quaternion,
-    minimal_coordinates,
-    unit_quaternion,
-)
+from ..remark import Remark
+from ..runge_kutta import FREE
+from ..source import open_stage, sample_stages, shortened, temporary_file
+from ..tree_model import Stepper, TreeModel
+from ..urdf_engine import UrdfEngine
+from ..urdf_sidecar import ROBOTS
+from .scene import FASTEST, PhysxScene, StageLayer
 
 PHYSX_EFFECTS: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "angular_damping": (0.05, "PhysX's angular damping of links"),

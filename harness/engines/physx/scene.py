@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.usd import UsdStage
-from physics_crosscheck.harness.engines.installed import import_quietly
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
-from physics_crosscheck.harness.engines.source import one_line
+from ..installed import import_quietly
+from ..protocol import Array, EngineError, UnsupportedError
+from ..source import one_line
 
 FASTEST = 1e16
 """PhysX's own value of an unlimited speed."""

@@ -1,5 +1,5 @@
 """The Pinocchio adapter and its parsers."""
 
-from physics_crosscheck.harness.engines.pinocchio.adapter import PinocchioEngine
+from .adapter import PinocchioEngine
 
 __all__ = ["PinocchioEngine"]

@@ -18,45 +18,19 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
-from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
-from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, has_shape_inertia
-from physics_crosscheck.harness.engines.mjcf_engine import (
-    ADDED,
-    MJCF_NON_PHYSICAL,
-    MjcfModel,
-    sample_mjcf,
-)
-from physics_crosscheck.harness.engines.mjcf_joints import rows_of
-from physics_crosscheck.harness.engines.pinocchio.model import (
-    GROUND,
-    PinocchioModel,
-    build_urdf,
-    read_mjcf,
-)
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    Engine,
-    EngineError,
-    LoadedModel,
-    ModelSpec,
-    Sample,
-)
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import temporary_file
-from physics_crosscheck.harness.engines.stepped_here import (
-    ADDED_HERE,
-    CAPABILITIES,
-    dampers_not_added,
-)
-from physics_crosscheck.harness.engines.urdf import (
-    URDF_NON_PHYSICAL,
-    UrdfReader,
-    refuse_negative_masses,
-    sample_urdf,
-)
-from physics_crosscheck.harness.engines.urdf_copy import (
+from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+from ..mjcf_copy import POSE, TOUCHES, copy_mjcf, without_pose
+from ..mjcf_declared import DeclaredMjcf
+from ..mjcf_defaults import bodies_of, has_shape_inertia
+from ..mjcf_engine import ADDED, MJCF_NON_PHYSICAL, MjcfModel, sample_mjcf
+from ..mjcf_joints import rows_of
+from ..protocol import Array, Engine, EngineError, LoadedModel, ModelSpec, Sample
+from ..remark import Remark
+from ..runge_kutta import FREE
+from ..source import temporary_file
+from ..stepped_here import ADDED_HERE, CAPABILITIES, dampers_not_added
+from ..urdf import URDF_NON_PHYSICAL, UrdfReader, refuse_negative_masses, sample_urdf
+from ..urdf_copy import (
     TRIMMED,
     dropped_cause,
     refuse_blanks,
@@ -64,8 +38,8 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     trim_numbers,
     without_shapes,
 )
-from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from physics_crosscheck.reference.mechanism.rotations import minimal_coordinates
+from ..urdf_engine import UrdfEngine, UrdfModel
+from .model import GROUND, PinocchioModel, build_urdf, read_mjcf
 
 ROOTS = "Pinocchio's reading of the first root body alone"
 GEOMS = "Pinocchio's leaving out of geoms that touch nothing"

@@ -8,16 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics_crosscheck.harness.documents.document import Mimic
-from physics_crosscheck.harness.engines.installed import STDERR, STDOUT, capture_output
-from physics_crosscheck.harness.engines.protocol import Array, EngineError, UnsupportedError
-from physics_crosscheck.harness.engines.runge_kutta import FREE
-from physics_crosscheck.harness.engines.source import load_failure, one_line
-from physics_crosscheck.harness.engines.stepped_here import SteppedHere
-from physics_crosscheck.harness.engines.tree_model import (
-    Weight,
-    constrained_accelerations,
-    leader_matrix,
-)
 from physics_crosscheck.reference.mechanism.rotations import (
     cross,
     from_quaternion,
@@ -26,6 +16,12 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotate_back,
     rotation_vector,
 )
+from ..installed import STDERR, STDOUT, capture_output
+from ..protocol import Array, EngineError, UnsupportedError
+from ..runge_kutta import FREE
+from ..source import load_failure, one_line
+from ..stepped_here import SteppedHere
+from ..tree_model import Weight, constrained_accelerations, leader_matrix
 
 
 def build_urdf(path: Path, file: Path, root: str) -> Any:

@@ -1,5 +1,5 @@
 """PyBullet, on URDF."""
 
-from physics_crosscheck.harness.engines.pybullet.adapter import PybulletEngine, PybulletModel
+from .adapter import PybulletEngine, PybulletModel
 
 __all__ = ["PybulletEngine", "PybulletModel"]

@@ -19,8 +19,9 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.installed import capture_output, version_of
-from physics_crosscheck.harness.engines.protocol import (
+from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
+from ..installed import capture_output, version_of
+from ..protocol import (
     Array,
     DefaultLeftOn,
     Engine,
@@ -35,8 +36,30 @@ from physics_crosscheck.harness.engines.protocol import (
     clip_ranges,
     held_joints,
 )
-from physics_crosscheck.harness.engines.pybullet.base import Ball, Base
-from physics_crosscheck.harness.engines.pybullet.inertias import (
+from ..remark import Remark
+from ..source import engine_errors, load_failure, one_line, refused, shortened
+from ..urdf import (
+    SETTINGS,
+    URDF_NON_PHYSICAL,
+    UrdfReader,
+    load_urdf,
+    refuse_negative_masses,
+    sample_urdf,
+    urdf_remarks,
+)
+from ..urdf_copy import (
+    BARE,
+    Change,
+    bare_cause,
+    bare_links,
+    followers_of,
+    temporary_urdf,
+    without_shapes,
+    without_visuals,
+)
+from ..urdf_sidecar import check_settings, joint_springs, kept_mimics
+from .base import Ball, Base
+from .inertias import (
     EXACT,
     axes_cause,
     axes_remarks,
@@ -45,7 +68,7 @@ from physics_crosscheck.harness.engines.pybullet.inertias import (
     lost_inertias,
     refuse_fixed_root,
 )
-from physics_crosscheck.harness.engines.pybullet.settings import (
+from .settings import (
     DEFAULTS,
     DISABLED_EFFECTS,
     SIX_DIGITS,
@@ -57,52 +80,9 @@ from physics_crosscheck.harness.engines.pybullet.settings import (
     scale_cause,
     scaled_inertias,
 )
-from physics_crosscheck.harness.engines.pybullet.shapes import (
-    LinkShape,
-    link_shapes,
-    refuse_large_shapes,
-    simple_shapes,
-)
-from physics_crosscheck.harness.engines.pybullet.stepper import (
-    BodyStepper,
-    add_floor,
-    forget_contacts,
-    link_places,
-)
-from physics_crosscheck.harness.engines.pybullet.whole import WHOLE_SETTINGS, PybulletWhole
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import (
-    engine_errors,
-    load_failure,
-    one_line,
-    refused,
-    shortened,
-)
-from physics_crosscheck.harness.engines.urdf import (
-    SETTINGS,
-    URDF_NON_PHYSICAL,
-    UrdfReader,
-    load_urdf,
-    refuse_negative_masses,
-    sample_urdf,
-    urdf_remarks,
-)
-from physics_crosscheck.harness.engines.urdf_copy import (
-    BARE,
-    Change,
-    bare_cause,
-    bare_links,
-    followers_of,
-    temporary_urdf,
-    without_shapes,
-    without_visuals,
-)
-from physics_crosscheck.harness.engines.urdf_sidecar import (
-    check_settings,
-    joint_springs,
-    kept_mimics,
-)
-from physics_crosscheck.reference.mechanism.rotations import SpatialInertia
+from .shapes import LinkShape, link_shapes, refuse_large_shapes, simple_shapes
+from .stepper import BodyStepper, add_floor, forget_contacts, link_places
+from .whole import WHOLE_SETTINGS, PybulletWhole
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.reference.mechanism.rotations import (
     angular_velocity,
     coordinate_rate,
@@ -23,6 +22,7 @@ from physics_crosscheck.reference.mechanism.rotations import (
     rotation_names,
     unit_quaternion,
 )
+from ..protocol import Array
 
 BALL_COUNT = 3
 """Number of coordinates: the rotation of its link in the joint's frame."""

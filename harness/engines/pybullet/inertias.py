@@ -13,10 +13,10 @@ import numpy as np
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
 from physics_crosscheck.harness.documents.urdf import UrdfFile
-from physics_crosscheck.harness.engines.protocol import Array, EngineError
-from physics_crosscheck.harness.engines.remark import Remark
-from physics_crosscheck.harness.engines.source import refused, shortened
 from physics_crosscheck.reference.mechanism.rotations import SpatialInertia, from_rpy, to_rpy
+from ..protocol import Array, EngineError
+from ..remark import Remark
+from ..source import refused, shortened
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""

@@ -12,11 +12,10 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import finite_numbers
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
-from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
-from physics_crosscheck.harness.engines.source import shortened
-from physics_crosscheck.harness.engines.urdf import ROUNDED
-from physics_crosscheck.harness.engines.urdf_copy import (
+from ..protocol import ModelSpec, held_joints
+from ..source import shortened
+from ..urdf import ROUNDED
+from ..urdf_copy import (
     Change,
     followers_of,
     mimics_of,
@@ -26,6 +25,7 @@ from physics_crosscheck.harness.engines.urdf_copy import (
     without_visuals,
     zero_missing_inertials,
 )
+from .inertias import exact_axes
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
 """The adapter's setting that normalizes the file's axes."""

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from physics_crosscheck.harness.engines.protocol import ShapeError
-from physics_crosscheck.harness.engines.pybullet.base import real_first
-from physics_crosscheck.harness.engines.pybullet.stepper import link_places
-from physics_crosscheck.harness.engines.urdf_copy import collision_shapes
 from physics_crosscheck.reference.mechanism.rotations import Place, from_quaternion
+from ..protocol import ShapeError
+from ..urdf_copy import collision_shapes
+from .base import real_first
+from .stepper import link_places
 
 Numbers = Sequence[float]
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
-from physics_crosscheck.harness.engines.pybullet.base import Ball, Base, real_first
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion
+from ..protocol import Array, Force, StateForce
+from .base import Ball, Base, real_first
 
 BASE = -1
 """PyBullet's index of the root link."""

@@ -14,27 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    EngineStep,
-    LoadedModel,
-    WholeModel,
-    WholeState,
-)
-from physics_crosscheck.harness.engines.pybullet.base import COUNT, Base
-from physics_crosscheck.harness.engines.pybullet.stepper import (
-    BodyStepper,
-    add_floor,
-    forget_contacts,
-    link_places,
-)
 from physics_crosscheck.reference.mechanism.laws import HardSurface, ImpulseContact, ImpulseRules
 from physics_crosscheck.reference.mechanism.rotations import (
     coordinate_rate,
     from_quaternion,
     unit_quaternion,
 )
+from ..protocol import Array, EngineError, EngineStep, LoadedModel, WholeModel, WholeState
+from .base import COUNT, Base
+from .stepper import BodyStepper, add_floor, forget_contacts, link_places
 
 WHOLE_SETTINGS = {
     "smooth": False,

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.installed import version_of
-from physics_crosscheck.harness.engines.protocol import (
+from ..installed import version_of
+from ..protocol import (
     Array,
     DefaultLeftOn,
     Engine,
@@ -30,14 +30,10 @@ from physics_crosscheck.harness.engines.protocol import (
     Sample,
     StateForce,
 )
-from physics_crosscheck.harness.engines.pymunk.own_step import (
-    collect_callback_errors,
-    has_own_step,
-    step_whole,
-)
-from physics_crosscheck.harness.engines.pymunk.whole import PymunkWhole
-from physics_crosscheck.harness.engines.remark import POSITION_FORCE_TERMS, Remark
-from physics_crosscheck.harness.engines.source import one_line, read_source
+from ..remark import POSITION_FORCE_TERMS, Remark
+from ..source import one_line, read_source
+from .own_step import collect_callback_errors, has_own_step, step_whole
+from .whole import PymunkWhole
 
 
 def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:

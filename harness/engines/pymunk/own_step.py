@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from physics_crosscheck.harness.engines.protocol import EngineError
+from ..protocol import EngineError
 
 UNDERNEATH = "pymunk.space", "Space.step"
 """Module and name of pymunk's own step, which a script may replace."""

@@ -11,13 +11,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from physics_crosscheck.harness.engines.protocol import (
-    Array,
-    EngineError,
-    PlanarEngineStep,
-    PlanarWhole,
-)
-from physics_crosscheck.harness.engines.pymunk.own_step import has_own_step
 from physics_crosscheck.reference.mechanism.planar import (
     Pair,
     PlanarBody,
@@ -27,6 +20,8 @@ from physics_crosscheck.reference.mechanism.planar import (
     PlanarLaws,
     PlanarShape,
 )
+from ..protocol import Array, EngineError, PlanarEngineStep, PlanarWhole
+from .own_step import has_own_step
 
 _JOINTS: Mapping[str, tuple[PlanarKind, Mapping[str, str]]] = MappingProxyType({
     "PinJoint": ("pin", {"distance": "distance"}),

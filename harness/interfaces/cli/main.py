@@ -102,7 +102,7 @@ def _commands_for(given: Sequence[str]) -> Mapping[str, Command]:
     if given and (given[0] in COMMANDS or given[0] == "--version"):
         return COMMANDS
     # Imported here: a command of this program does not need to look for others.
-    from physics_crosscheck.harness.interfaces.cli.registry import all_commands
+    from .registry import all_commands
 
     return all_commands()
 
@@ -212,7 +212,7 @@ def _command_lines(commands: Mapping[str, Command]) -> Iterator[str]:
 
 def _apply_settings(parser: CommandParser, command: Command) -> None:
     """Make a project's settings the defaults of a command."""
-    from physics_crosscheck.harness.interfaces.cli.settings import SettingsError, apply
+    from .settings import SettingsError, apply
 
     try:
         apply(parser, command.settings)
