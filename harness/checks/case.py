@@ -144,7 +144,6 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     parts = {name: check(task, model, coordinates) for name, check in PARTS.items()}
     time_step = whole_time_step(task, time_step)
     inertias = _inertias(task.target, model)
-    changed = ", ".join(model.corrective_settings)
     judged = _judgement(task, (model, coordinates), None if why else motion)
     verdict = _combined(judged.verdict, parts.values())
     study, full_run, series = None, None, None
@@ -173,10 +172,7 @@ def run_case(task: ModelTask[Prepared]) -> Case:
             amplitude=task.target.amplitude_of(motion),
             components=task.target.components,
         )
-    # A diagnosis names changes only where an engine differs.
-    named = changed and outcome is Outcome.UNRESOLVED
-    notes = [f"the engine changes the file: {changed}"] if named else []
-    reason = "; ".join(filter(None, (reason, *judged.model.reservations, *notes)))
+    reason = "; ".join(filter(None, (reason, *judged.model.reservations)))
     is_verdict = outcome is verdict.outcome
     case = structs.replace(
         _case(task, outcome, reason),
@@ -196,7 +192,18 @@ def run_case(task: ModelTask[Prepared]) -> Case:
     if has_stand_ins(task.file) and case.outcome is Outcome.AGREES and case.verdict is not None:
         judged_by = structs.replace(case.verdict, decided_by="poses")
         case = structs.replace(case, verdict=judged_by, reason=POSES_ONLY)
+    if case.outcome is Outcome.UNRESOLVED:  # a diagnosis names changes only of one that differs
+        case = structs.replace(case, reason="; ".join(filter(None, (case.reason, _changes(task)))))
     return structs.replace(case, seconds=time.perf_counter() - began)
+
+
+def _changes(task: ModelTask[Prepared]) -> str:
+    """Return what the engine changes in the file, by a load of its own; "" for nothing."""
+    try:
+        changes = ", ".join(task.load()[0].corrective_settings)
+    except EngineError:
+        return ""
+    return f"the engine changes the file: {changes}" if changes else ""
 
 
 def _precision_limit(

@@ -237,9 +237,9 @@ class PinocchioModel(SteppedHere):
             velocities[:, place] = rotate_back(turn, m[:, place].T).T
             forces[:, place] = rotate_back(turn, f[:, place].T).T
             if free.stiffness:  # along the world's axes, and a rotation vector
-                pull = x[:, free.origin[1]] - free.rest[:3]
+                offset = x[:, free.origin[1]] - free.rest[:3]
                 twist = quaternion_product(free.rest[3:, None], x[:, free.turn[1]].T)
-                forces[:, place] -= free.stiffness * rotate_back(turn, pull.T).T
+                forces[:, place] -= free.stiffness * rotate_back(turn, offset.T).T
                 forces[:, free.turn[0]] -= free.stiffness * rotation_vector(twist).T
             if free.damping:
                 for part in (place, free.turn[0]):
