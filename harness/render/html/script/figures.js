@@ -60,7 +60,7 @@ async function tabbed(box, parts, leading, motion, clock) {
       if (clock.end && motion !== undefined) panel.append(controls(clock));
       panel.append(lead);
       if (motion) lead.append(await player(id, motion, clock));
-      else if (!box.parentElement.querySelector(".scene")) panel.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
+      else if (!box.closest(".view")?.querySelector(".scene")) panel.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
       rest = charts.slice(1);
     }
     if (rest.length) panel.append(await group(id, rest, clock, leading.includes(rest[0]) ? "grid led" : "grid"));
