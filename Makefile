@@ -50,7 +50,7 @@ KNOWN := bouncing_ball/system.py::bouncing_ball/robot.urdf/drop \
 ALL := .venv-engines/bin
 test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
-		tests/files/test_motions.py tests/numerics/test_stepping.py \
+		tests/files/test_motions.py tests/laws/test_contacts.py tests/numerics/test_stepping.py \
 		tests/scaffold/test_new_sdf.py
 	$(ALL)/python -m pytest -n 2 -m "mujoco or pybullet or pymunk or pinocchio" --crosscheck models \
 		--crosscheck-thorough $(KNOWN:%=--deselect 'models/events/%') models

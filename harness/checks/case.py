@@ -162,12 +162,9 @@ def run_case(task: ModelTask[Prepared]) -> Case:
         if outcome is Outcome.FAILED:
             reason = _with_warnings(reason, task, model)
         full_run = full_run_record(study, model.step, model.integrator)
-        # The verdict on a tree is at drawn states, so its motion has no defects to plot.
-        drawn = isinstance(task.target, PreparedTree)
-        empty = np.empty((0, len(task.target.components)))
         series = series_record(
             motion,
-            DefectSeries(empty[:, 0], empty, empty) if drawn else _defects(judged, motion),
+            _defects(task, judged, motion),
             study,
             amplitude=task.target.amplitude_of(motion),
             components=task.target.components,
@@ -460,8 +457,11 @@ def _study(
     )
 
 
-def _defects(judged: _Judgement, motion: Motion) -> DefectSeries:
+def _defects(task: ModelTask[Prepared], judged: _Judgement, motion: Motion) -> DefectSeries:
     """Return the defects for plots: of segments, or of the single steps that decide."""
+    if isinstance(task.target, PreparedTree):  # judged at sampled states, not along the motion
+        none = np.empty((0, len(task.target.components)))
+        return DefectSeries(none[:, 0], none, none)
     steps = judged.by_steps and judged.by_steps.motion
     if steps:
         return DefectSeries(*steps.picked(SERIES))

@@ -1,5 +1,6 @@
 """One case from its files to its record, in this process, with the known-answer engine."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,9 @@ from physics_crosscheck.harness.numerics.stepping import compare_run
 from physics_crosscheck.records import Case
 from physics_crosscheck.reference.dynamics.derive import derive
 from physics_crosscheck.reference.solving.solve import solve
-from tests.faults.known_folder import KNOWN_MODEL, SYSTEM, known_folder
+from tests.faults.known_folder import KNOWN_ANSWER, KNOWN_MODEL, SYSTEM, known_folder
+
+sys.path.insert(0, str(KNOWN_ANSWER))  # the engine's entry point
 
 EXTRA_COORDINATE = """
 names = ["x", "fall"]

@@ -71,10 +71,10 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         for free in self.declared.frees:
             if not model.existJointName(free.name):
                 continue  # of a root that Pinocchio does not read
-            self.drawn[free.name] = _drawn(drawn, free.name)
-            position = drawn.joints[drawn.getJointId(free.name)].idx_q
-            rest = np.array(drawn.referenceConfigurations["qpos0"])[position : position + 7]
-            rest[3:] = rest[[6, 3, 4, 5]] * [1, -1, -1, -1]
+            rest = _drawn(drawn, free.name)
+            turn = minimal_coordinates(rest[3:], rest[3:])
+            self.drawn[free.name] = np.concatenate([rest[:3], turn])
+            rest[4:] *= -1
             springs.append((free.stiffness * bool(self.settings["springs"]), rest))
             start = model.joints[model.getJointId(free.name)].idx_v
             model.armature[start : start + FREE] = free.armature
@@ -161,13 +161,10 @@ def _enable_contacts(root: XmlElement) -> None:
 
 
 def _drawn(model: Any, name: str) -> Array:
-    """Return the coordinates of a floating body in the drawn configuration, Pinocchio's initial
-    one.
-    """
+    """Return origin and quaternion, real part first, of a floating body as drawn, (7,)."""
     start = model.joints[model.getJointId(name)].idx_q
-    positions = np.array(model.referenceConfigurations["qpos0"])[start : start + 7]
-    turn = np.roll(positions[3:], 1)
-    return np.concatenate([positions[:3], minimal_coordinates(turn, turn)])
+    positions: Array = np.array(model.referenceConfigurations["qpos0"])[start : start + 7]
+    return np.concatenate([positions[:3], np.roll(positions[3:], 1)])
 
 
 MIMICS = "Pinocchio's leaving out of <mimic>"
