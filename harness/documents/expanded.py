@@ -318,8 +318,11 @@ def _places(model: Path, name: str) -> Iterator[Path]:
     if scheme == "file":
         yield Path(unquote(urlsplit(name).path))
         return
-    # Engines read `package:///arm` as `package://arm`.
+    # Engines read `package:///arm` as `package://arm`; exporters without a package name a file so.
     package, _, inner = rest.lstrip("/").partition("/")
+    if not inner:
+        yield model.parent / package
+        return
     for folder in _existing_folders(package, model, int(time.monotonic() / SEARCH_SECONDS)):
         yield folder / inner
     for above in list(model.absolute().parents)[:6]:  # a copy of the package under another name

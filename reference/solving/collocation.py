@@ -32,6 +32,9 @@ light finger on a heavy body. Two solutions may differ as much; the difference e
 STAGNATED = 1e-6
 """A final change below this is rounding; divergence leaves a much larger one."""
 
+STATE_CHANGE, LEAST_STATE = 1e-7, 1e-3
+"""Change of a state for the Jacobian of stiff segments, as a share of its size; smallest size."""
+
 Field = Callable[[Array, Array], Array]
 """dy/dt of (times (...,), states (..., 2n))."""
 
@@ -106,6 +109,57 @@ def collocate(
     output[:, 0] = states
     output[:, -1] = current
     return current, output
+
+
+def stiff_ends(field: Field, states: Array, length: float) -> Array:
+    """Integrate B stiff segments in two steps of Radau IIA, by simplified Newton iteration.
+
+    Radau IIA damps what decays within a step. With 8 stages the worst error of such a decay is 2 %
+    of its first size, of two steps 0.04 %; what lasts for a step has six digits or more.
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5 and IV.8.
+
+    Args:
+        field: dy/dt, which does not depend on time.
+        states: start states, (B, 2n).
+        length: seconds per segment.
+
+    Raises:
+        ReferenceError: if the stage equations do not converge.
+    """
+    step, clock, matrix = length / 2, np.zeros(len(states)), _radau(STAGES)
+    values, vectors = np.linalg.eig(matrix)  # to solve for one stage after the other
+    back, unit = np.linalg.inv(vectors), np.eye(states.shape[1])
+    with np.errstate(all="ignore"):
+        for _ in range(2):
+            by = STATE_CHANGE * np.maximum(np.abs(states).max(axis=0), LEAST_STATE)
+            rates = field(clock, states)[:, None, :]
+            apart = field(clock, states[:, None, :] + np.diag(by)) - rates
+            jacobian = np.swapaxes(apart / by[:, None], 1, 2)[:, None]
+            inverse = np.linalg.inv(unit - step * values[:, None, None] * jacobian)
+            slopes, share = np.repeat(rates, STAGES, axis=1), np.inf
+            for _ in range(ITERATIONS):
+                stages = states[:, None, :] + step * _weighted(matrix, slopes)
+                residual = back @ (field(clock, stages) - slopes)
+                change = (vectors @ (inverse @ residual[..., None])[..., 0]).real
+                slopes = slopes + change
+                sizes = np.maximum(np.abs(slopes).max(axis=(0, 1)), 1e-300)
+                share = float(np.max(np.abs(change).max(axis=(0, 1)) / sizes))
+                if not share > MAX_ROUNDED:
+                    break
+            if not share <= STAGNATED:
+                raise ReferenceError("the stage equations of stiff segments do not converge")
+            states = states + step * _weighted(matrix, slopes)[:, -1]
+    return states
+
+
+@lru_cache(maxsize=1)
+def _radau(stages: int) -> Array:
+    from scipy.special import roots_jacobi  # slow import, for stiff trees only
+
+    nodes = np.append((1 + roots_jacobi(stages - 1, 1, 0)[0]) / 2, 1.0)
+    powers = np.arange(1, stages + 1)
+    result: Array = nodes[:, None] ** powers / powers @ np.linalg.inv(np.vander(nodes)[:, ::-1])
+    return result
 
 
 def _weighted(matrix: Array, slopes: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from physics_crosscheck.reference.dynamics.tree_equations import TreeEquations
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.tree import WORLD, Tree
-from .collocation import Field, ReferenceError, collocate
+from .collocation import Field, ReferenceError, collocate, stiff_ends
 from .integrate import by_runge_kutta
 from .segments import Segments
 
@@ -311,14 +311,28 @@ def _length(equations: TreeEquations, fastest: float) -> float:
     return 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
 
 
-def ends_of(equations: TreeEquations, start: Array, forces: Array, length: float) -> Array:
+def ends_of(
+    equations: TreeEquations, start: Array, forces: Array, length: float, *, stiff: bool = False
+) -> Array:
     """Return the ends of states (K, 2n) under constant forces, (K, n), after `length` seconds.
+
+    Args:
+        equations: of the tree.
+        start: states.
+        forces: on its coordinates.
+        length: of the segments.
+        stiff: whether those of a stiff tree are solved to fewer digits.
 
     Raises:
         ReferenceError: if they can't be solved.
     """
-    end, _ = collocate(_field(equations, forces), np.zeros(len(start)), start, length)
-    return end
+    field = _field(equations, forces)
+    try:
+        return collocate(field, np.zeros(len(start)), start, length)[0]
+    except ReferenceError:
+        if not stiff:
+            raise
+        return stiff_ends(field, start, length)
 
 
 def _field(equations: TreeEquations, forces: Array) -> Field:

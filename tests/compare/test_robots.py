@@ -59,6 +59,15 @@ def shaped(shape: str) -> tuple[tuple[str, str], ...]:
     )
 
 
+def test_effect_of_a_stiff_damper_is_that_of_its_motion(tmp_path: Path) -> None:
+    damped = 'name="elbow" damping="1e4"', 'name="elbow"'
+    a, b = written(tmp_path, "a.xml", MJCF), written(tmp_path, "b.xml", MJCF, damped[::-1])
+    comparison = result(compared(a, b))
+    (row,) = [one for one in comparison.properties if one.kind == "damping"]
+    assert row.effect == pytest.approx(comparison.discrepancy, rel=0.01)
+    assert comparison.explained == pytest.approx(1, abs=1e-3)
+
+
 def test_base_touching_its_first_link_is_no_difference(tmp_path: Path) -> None:
     path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
     comparison = agrees(compared(path, path, "pybullet", "mujoco"))

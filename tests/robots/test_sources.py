@@ -208,6 +208,8 @@ def test_mesh_of_a_package_is_located_above_the_file_or_in_the_environment(
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
     assert locate_file(model, "package://palm/meshes/rod.stl") == other
     assert locate_file(model, "package://arm/meshes/absent.stl") is None
+    model.touch()
+    assert locate_file(model, f"package:///{model.name}") == model  # an export without a package
 
 
 PLANNED = """<robot name="planned"><link name="base"/><!-- <inertial/> -->

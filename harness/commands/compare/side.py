@@ -377,10 +377,6 @@ def side_scene(model: ModelSide) -> Scene:
     return scene_record(model.tree, None, links, robot.placed, model.position)
 
 
-PIECES = (1, 8, 64)
-"""Numbers of pieces that a run is divided into, tried until its equations can be solved."""
-
-
 class FileEquations:
     """Equations of a tree whose n coordinates determine the nz coordinates of an engine.
 
@@ -420,12 +416,8 @@ class FileEquations:
         They are not a number if the equations cannot be solved.
         """
         forces, start = runs.start_inputs @ self.matrix, self.reduced(runs.start)
-        for pieces in PIECES:
-            reached = start
-            try:
-                for _ in range(pieces):
-                    reached = ends_of(self.equations, reached, forces, runs.length / pieces)
-            except ReferenceError:
-                continue
-            return np.hstack(self.expanded(reached))
-        return np.full((len(start), 2 * len(self.offset)), np.nan)
+        try:
+            ends = ends_of(self.equations, start, forces, runs.length, stiff=True)
+            return np.hstack(self.expanded(ends))
+        except ReferenceError:
+            return np.full((len(start), 2 * len(self.offset)), np.nan)

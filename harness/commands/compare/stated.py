@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import PurePosixPath
 
 import numpy as np
 
@@ -94,7 +95,7 @@ class _Shape:
         """A digest of its mesh; the name of a mesh without a file."""
         path = locate_file(self.shape.file, self.shape.mesh) if self.shape.mesh else None
         if path is None:
-            return self.shape.mesh
+            return PurePosixPath(self.shape.mesh).name
         return hashlib.sha256(path.read_bytes()).hexdigest()
 
 

@@ -119,18 +119,14 @@ def _folded_rows(
 ) -> list[str]:
     """Return a line per difference, then other lines; equal and minor ones share a line."""
     minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
-    alike: dict[tuple[str, str], list[str]] = {}
+    alike: dict[str, list[str]] = {}
     for row in rows:
         if row in minor:
             continue
-        about = f" of joint {row.about}: "
-        head, middle, tail = row.message.partition(about)
-        key = (head, tail) if row.about and middle else (row.message, "")
+        named = rf"\b(joint|link|shape) {re.escape(row.about)}: " if row.about else "$^"
+        key = re.sub(named, r"{} \1s: ", row.message.replace("{", "{{").replace("}", "}}"), count=1)
         alike.setdefault(key, []).append(_where(row, is_short) + row.message)
-    lines = [
-        own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
-        for (head, tail), own in alike.items()
-    ]
+    lines = [own[0] if len(own) == 1 else key.format(len(own)) for key, own in alike.items()]
     lines += others
     if minor:
         lines.append(minor_line(len(minor)).strip())
