@@ -336,7 +336,8 @@ def _not_run(
 
 def verdict_change(before: CaseNumbers, after: CaseNumbers) -> str:
     """Return a sentence on two different outcomes."""
-    return f"the verdict changed from {before.outcome} to {after.outcome}"
+    why = f" ({before.reason})" if before.outcome is Outcome.REFUSED else ""
+    return f"the verdict changed from {before.outcome}{why} to {after.outcome}"
 
 
 def _harmless(causes: Mapping[str, str] | None) -> tuple[str, ...]:
