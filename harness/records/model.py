@@ -169,10 +169,11 @@ class Model(Record, frozen=True, kw_only=True):
         A diagnosis tries at most two wrong numbers together. With more, the cause with the smallest
         residual is wrong, and audit findings are more reliable.
         """
-        if self.diagnosis is None or self.diagnosis.explained or not self.diagnosis.explanations:
+        best = self.diagnosis
+        if best is None or best.explained or not (best.explanations or best.behaviours):
             return ()
         findings = (one for one in self.audit or () if one.severity == "finding")
-        return (*self.diagnosis.behaviours, *findings)
+        return (*best.behaviours, *findings)
 
     @property
     def linearization_differs(self) -> tuple[EngineLinearization, ...]:
