@@ -122,8 +122,7 @@ def main(words: Sequence[str] | None = None) -> None:
         into = options.store.resolve() / VERSIONS / f"{engine}.txt"
         keep(["versions", *paths, "--engine", engine, *releases], clones, into)
     cells = write_site(options.site, options.store, entries)
-    print(*open_questions(cells), sep="\n")
-    print(options.site / "index.html")
+    print(*open_questions(cells), options.site / "index.html", sep="\n")
 
 
 if __name__ == "__main__":
