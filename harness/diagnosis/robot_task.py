@@ -81,16 +81,11 @@ def _motion_differs(run: FollowersRun) -> bool:
 def _diagnose_motion(task: TreeTask, run: FollowersRun, *, is_reference: bool) -> Diagnosis:
     """Find the behaviours of the engine, or the numbers, that explain a motion."""
     apart, uncertainty = _apart(run)
-    visible = np.abs(apart) > uncertainty.reshape(apart.shape)
-    joints = visible[:, : run.task.target.samples.end.shape[1]]
-    if is_reference and not joints.any() and (behaviours := _behaviours(run)):
-        # Only followers leave their couplings, which no number of the file makes them do.
-        return Diagnosis(explained=False, behaviours=behaviours)
     explanations = _explained_by_engine_defaults(run)
     if not explanations and is_reference:
         explanations = _explained_by_compiler(run)
     ranking = Ranking((), False, 1.0)
-    if not explanations and visible.any():
+    if not explanations and np.any(np.abs(apart).ravel() > uncertainty):
         ranking = ranked(task, run, is_reference=is_reference)
         if is_reference and not (ranking.explained and ranking.fits[0].is_read):
             explanations = _explained_by_compiled_bodies(run)

@@ -169,11 +169,10 @@ class Model(Record, frozen=True, kw_only=True):
         A diagnosis tries at most two wrong numbers together. With more, the cause with the smallest
         residual is wrong, and audit findings are more reliable.
         """
-        best = self.diagnosis
-        if best is None or best.explained or not (best.explanations or best.behaviours):
+        if self.diagnosis is None or self.diagnosis.explained or not self.diagnosis.explanations:
             return ()
         findings = (one for one in self.audit or () if one.severity == "finding")
-        return (*best.behaviours, *findings)
+        return (*self.diagnosis.behaviours, *findings)
 
     @property
     def linearization_differs(self) -> tuple[EngineLinearization, ...]:
