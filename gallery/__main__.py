@@ -23,7 +23,7 @@ from physics_crosscheck.harness.baseline.fingerprint import versions
 from physics_crosscheck.harness.records.read import ResultsError, read_results
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from .robots import ROBOTS, SOURCE, RobotFile, robot_files
-from .site import COMPARISON, VERSIONS, Done, Entry, write_site
+from .site import COMPARISON, VERSIONS, Done, Entry, open_questions, write_site
 
 PROGRAM = (sys.executable, "-m", "physics_crosscheck")
 
@@ -121,8 +121,8 @@ def main(words: Sequence[str] | None = None) -> None:
     for engine, *releases in options.versions if paths else ():
         into = options.store.resolve() / VERSIONS / f"{engine}.txt"
         keep(["versions", *paths, "--engine", engine, *releases], clones, into)
-    write_site(options.site, options.store, entries)
-    print(options.site / "index.html")
+    cells = write_site(options.site, options.store, entries)
+    print(*open_questions(cells), options.site / "index.html", sep="\n")
 
 
 if __name__ == "__main__":

@@ -180,7 +180,9 @@ def confirm(entry: Entry, path: Path) -> Iterator[tuple[Cell | None, str, str]]:
         if "unstable" in cell.sentence:
             yield cell, "step", rate(root, path)
         elif cell.engine in ASK and (cell.outcome is not Outcome.AGREES or cell.engine == CONTROL):
-            yield cell, *answer(cell.engine, root, path)
+            means, numbers = answer(cell.engine, root, path)
+            is_load = means == "load" and cell.outcome is not Outcome.REFUSED
+            yield cell, "" if is_load else means, numbers
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ CONFIRMED = Path(__file__).with_name("confirmed.toml")
 FINDINGS = Path(__file__).with_name("findings")
 """Texts for maintainers of a robot or an engine."""
 
-PICTURE, RESULTS = "picture.png", "results.json"
+PICTURE, RESULTS, COMPARED = "picture.png", "results.json", "compare.html"
 COMPARISON, VERSIONS = "compare.txt", "versions"
 """A command that compares the file with the robot's first one, and what it printed; the folder of
 those that compare versions of an engine."""
@@ -45,6 +45,13 @@ those that compare versions of an engine."""
 
 FAULTS = (Outcome.DIFFERS, Outcome.REFUSED)
 """Outcomes that a line of the file explains; others are limits of a run, or name their line."""
+
+
+BEHAVIOURS = ("XC148", "XC207")
+"""Codes of sentences on what an engine does by itself."""
+
+HEADER = '<header class="bar">'
+"""Start of a report."""
 
 
 class Done(Record, frozen=True, kw_only=True):
@@ -156,6 +163,9 @@ class Entry(Record, frozen=True, kw_only=True):
         version = self.done.versions.get(engine) or ""
         has_line = outcome in FAULTS or "changes the file" in sentence
         means = {} if outcome is Outcome.AGREES else confirmed().get(self.file.slug, {})
+        digits = [one.digits for one in mine.cases if one.digits is not None]
+        if outcome is Outcome.AGREES and digits:  # an accepted rounding has digits too
+            text = f"{min(digits):.1f}"
         return Cell(
             robot=self.file.robot,
             kind=self.file.kind,
@@ -214,10 +224,22 @@ class Entry(Record, frozen=True, kw_only=True):
 
 def _sentence(results: Results, outcome: Outcome) -> str:
     """Return what one engine does with a file: fault, place and effect, or the digits."""
+    if outcome is Outcome.AGREES:
+        accepted = [
+            f"The engine follows the file {c.accepted}." for c in results.cases if c.accepted
+        ]
+        return [*accepted, *headline(results)[-1:]][0]
     refused = [one.reason for one in results.cases if one.outcome is outcome and one.reason]
-    if outcome in (Outcome.AGREES, Outcome.DIFFERS) or not refused:
+    if outcome is Outcome.DIFFERS or not refused:
         return " ".join(headline(results))
     return refused[0]
+
+
+Messages = dict[tuple[str, str], list[tuple[str, Entry]]]
+"""Engines and files by sentence and place."""
+
+FilesByText = dict[str, dict[str, set[str]]]
+"""Files by engine and text."""
 
 
 def confirmed() -> dict[str, dict[str, str]]:
@@ -238,14 +260,14 @@ def wrong(entry: Entry, cells: Mapping[str, Cell]) -> dict[tuple[str, int | None
     for cell in cells.values():
         if cell.outcome is not Outcome.AGREES:
             title = "every engine" if cell.engine == "-" else engine_title(cell.engine)
-            means = f" (confirmed by {cell.confirmed})" if cell.confirmed else ""
+            means = f" (confirmed: {cell.confirmed})" if cell.confirmed else ""
             names.setdefault((cell.sentence + means, cell.line), []).append(title)
     return {key: ", ".join(one) for key, one in names.items()}
 
 
-def messages(entries: Iterable[Entry]) -> dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]]:
+def messages(entries: Iterable[Entry]) -> dict[str, Messages]:
     """Return by code: each sentence with its place, and the engines and files that have it."""
-    found: dict[str, dict[tuple[str, str], list[tuple[str, Entry]]]] = {}
+    found: dict[str, Messages] = {}
     for entry in entries:
         for code, engine, sentence, place in _messages(entry):
             by_sentence = found.setdefault(code, {})
@@ -268,13 +290,30 @@ def _messages(entry: Entry) -> Iterator[tuple[str, str, str, str]]:
                 of_file = finding.severity == "advice" or finding.message in faults
                 owner = "the file" if of_file else model.engine
                 yield finding.code, owner, finding.message, f":{line}" if line else ""
-        best = model.diagnosis.explanations[:1] if model.diagnosis else ()
+        diagnosis = model.diagnosis
+        for behaviour in diagnosis.behaviours if diagnosis else ():
+            line = behaviour.location.line if behaviour.location else None
+            yield behaviour.code, model.engine, behaviour.message, f":{line}" if line else ""
+        best = diagnosis.explanations[:1] if diagnosis and diagnosis.explained else ()
         for cause in (one for explanation in best for one in explanation.causes):
             line = cause.locations[0].line if cause.locations else None
             yield cause.code, model.engine, str(cause), f":{line}" if line else ""
     for case in results.cases:
         if case.code and not case.passes:
             yield case.code, case.engine, case.reason, ""
+
+
+_DETAILS = (
+    r"\s*\([^()]*\)| explains the motion.*|, (up to )?[\d.]+e-\d+ .*"
+    r"| of (\S+, )+\S+( and \d+ more)?(?=,|$)"
+)
+"""Names and sizes in the sentence of a cause, which depend on the file."""
+
+
+def _general(sentence: str) -> str:
+    """Return a sentence of a cause without names and sizes."""
+    short = re.sub(r"<mimic> of \S+", "<mimic>", re.sub(_DETAILS, "", sentence))
+    return re.sub(r"of (\d+ links?|a link)\b", "of links", short)
 
 
 def changes(cells: Sequence[Cell], before: Sequence[Cell]) -> list[str]:
@@ -292,8 +331,26 @@ def changes(cells: Sequence[Cell], before: Sequence[Cell]) -> list[str]:
     return lines
 
 
-def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
+def open_questions(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield cells that don't follow their file without sentence, line or means; stale means."""
+    rows = {(slug, engine) for slug, row in confirmed().items() for engine in row}
+    for cell in cells:
+        slug = cell.page.split("/")[1]
+        if cell.outcome is not Outcome.AGREES:
+            line = cell.line or cell.outcome not in FAULTS
+            parts = {"sentence": cell.sentence, "line": line, "means": cell.confirmed}
+            if missing := [name for name, value in parts.items() if not value]:
+                yield f"{slug} in {cell.engine} has no {' and no '.join(missing)}"
+            rows.discard((slug, f"{cell.engine} {cell.version}"))
+    slugs = {cell.page.split("/")[1] for cell in cells}
+    for slug, engine in sorted(one for one in rows if one[0] in slugs):
+        yield f"{CONFIRMED.name} confirms {slug} in {engine}, which has no such cell"
+
+
+def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> list[Cell]:
     """Write all pages, with the cells as JSON and CSV, and the changes since the last ones.
+
+    Return the cells.
 
     Args:
         site: its folder.
@@ -314,27 +371,21 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
         write_whole(site / path, text)
 
     for entry in entries:
-        source, target = store / entry.file.slug, site / "robots" / entry.file.slug
-        if (target / RESULTS).exists() and not cmp(source / RESULTS, target / RESULTS):
-            (target / PICTURE).unlink(missing_ok=True)  # of the robot before
-        shutil.copytree(source, target, dirs_exist_ok=True)
+        _copy_report(store / entry.file.slug, site / "robots" / entry.file.slug)
     folders = [site / "robots" / entry.file.slug for entry in entries]
     try:
         write_pictures({one: one / PICTURE for one in folders if not (one / PICTURE).exists()})
     except (OSError, AssertionError) as error:  # a busy machine; the next call draws the others
         print(f"pictures are missing: {error}", flush=True)
     found, known = messages(entries), codes()
-    by_engine: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for code, sentences in found.items():
         write(f"messages/{code}.html", "message.html", f"{code}: {known[code].title}",
               sentences=sentences)  # fmt: skip
-        for (_, place), places in sentences.items():
-            for engine, _ in places:
-                by_engine[engine][code].add(place.split(":")[0])
+    by_engine, causes = _by_engine(found)
     for name in names:
         mine = [cell for cell in cells if cell.engine == name]
         write(f"engines/{name}.html", "engine.html", engine_title(name), cells=mine,
-              codes=by_engine[name], messages=known)  # fmt: skip
+              codes=by_engine[name], messages=known, causes=causes[name])  # fmt: skip
     good = sum(one.outcome is Outcome.AGREES for one in cells)
     count = len({one.robot for one in cells})
     title = f"{count} public robots in {len(names)} engines: {good} of {len(cells)} follow the file"
@@ -358,6 +409,34 @@ def write_site(site: Path, store: Path, entries: Sequence[Entry]) -> None:
     write("objections.html", "objections.html", "How to object, and how to add a robot",
           entries=entries)  # fmt: skip
     _write_cells(site, cells)
+    return cells
+
+
+def _copy_report(source: Path, target: Path) -> None:
+    """Copy the report of a file, with links to the matrix and to its comparison."""
+    if (target / RESULTS).exists() and not cmp(source / RESULTS, target / RESULTS):
+        (target / PICTURE).unlink(missing_ok=True)  # of the robot before
+    shutil.copytree(source, target, dirs_exist_ok=True)
+    links = '<a href="../../index.html">All robots</a>'
+    if (target / COMPARED).exists():
+        links += f' <a href="{COMPARED}">Compared with its first format</a>'
+    for page in (target / "index.html", target / COMPARED):
+        if page.exists():
+            page.write_text(page.read_text("utf-8").replace(HEADER, HEADER + links), "utf-8")
+
+
+def _by_engine(found: Mapping[str, Messages]) -> tuple[FilesByText, FilesByText]:
+    """Return the files by message of each engine, and by what it does by itself."""
+    by_code: FilesByText = defaultdict(lambda: defaultdict(set))
+    causes: FilesByText = defaultdict(lambda: defaultdict(set))
+    for code, sentences in found.items():
+        for (sentence, place), places in sentences.items():
+            file = place.split(":")[0]
+            for engine, _ in places:
+                by_code[engine][code].add(file)
+                if code in BEHAVIOURS:
+                    causes[engine][_general(sentence)].add(file)
+    return by_code, causes
 
 
 def _inlined(folder: Path) -> str:

@@ -46,10 +46,7 @@ def plant_faults(
     chosen = rng.permutation(len(numbers))[:count]
     return tuple(
         judge_fault(
-            case,
-            numbers[index],
-            SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))),
-            settings,
+            case, numbers[index], SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))), settings
         )
         for turn, index in enumerate(chosen)
     )

@@ -82,9 +82,7 @@ def _urdf_link(index: int, link: MechanismLink) -> str:
     name = joint_name(index)
     parent = "base" if link.parent < 0 else f"body{link.parent + 1}"
     entries = zip(
-        ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
-        (*link.inertia, 0.0, 0.0, 0.0)[:6],
-        strict=True,
+        ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*link.inertia, 0.0, 0.0, 0.0)[:6], strict=True
     )
     inertia = " ".join(f'{key}="{value!r}"' for key, value in entries)
     kind = "continuous" if link.hinge else "prismatic"

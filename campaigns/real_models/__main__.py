@@ -37,10 +37,7 @@ TURNS = ("urdf", "xacro", "mjcf", "urdf", "sdf", "urdf", "xacro", "mjcf")
 
 LOADERS = {
     "mujoco": ("urdf xacro mjcf", "import mujoco; mujoco.MjModel.from_xml_path(f)"),
-    "pybullet": (
-        "urdf xacro",
-        "import pybullet as p; p.connect(p.DIRECT); p.loadURDF(f)",
-    ),
+    "pybullet": ("urdf xacro", "import pybullet as p; p.connect(p.DIRECT); p.loadURDF(f)"),
     "pinocchio": (
         "urdf xacro mjcf",
         "import pinocchio as p; (p.buildModelFromMJCF if f[-3:] == 'xml' else"
@@ -51,10 +48,7 @@ LOADERS = {
         "from pydrake.all import MultibodyPlant, Parser; plant = MultibodyPlant(0.001);"
         " Parser(plant).AddModels(f); plant.Finalize()",
     ),
-    "dart": (
-        "sdf",
-        "import dartpy; assert dartpy.utils.SdfParser.readSkeleton(f) is not None",
-    ),
+    "dart": ("sdf", "import dartpy; assert dartpy.utils.SdfParser.readSkeleton(f) is not None"),
 }
 """For each engine, formats and code that loads a file `f` without this program."""
 

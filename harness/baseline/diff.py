@@ -200,10 +200,7 @@ def _scenario(was: Snapshot, now: Snapshot) -> str:
 
 
 def diff_accepted(
-    then: AcceptedCase,
-    now: AcceptedCase,
-    snapshot: Snapshot | None,
-    measured: Measurement | None,
+    then: AcceptedCase, now: AcceptedCase, snapshot: Snapshot | None, measured: Measurement | None
 ) -> Diff:
     """Compare a case that was run and measured with its accepted result.
 
@@ -326,9 +323,7 @@ def _not_run(
     if before.outcome is after.outcome:
         is_refused = after.outcome is Outcome.REFUSED
         return msgspec.structs.replace(
-            bare,
-            status=Status.EXPECTED if is_refused else Status.NOT_RUN,
-            kinds=_harmless(causes),
+            bare, status=Status.EXPECTED if is_refused else Status.NOT_RUN, kinds=_harmless(causes)
         )
     return msgspec.structs.replace(
         bare,
@@ -341,7 +336,8 @@ def _not_run(
 
 def verdict_change(before: CaseNumbers, after: CaseNumbers) -> str:
     """Return a sentence on two different outcomes."""
-    return f"the verdict changed from {before.outcome} to {after.outcome}"
+    why = f" ({before.reason})" if before.outcome is Outcome.REFUSED else ""
+    return f"the verdict changed from {before.outcome}{why} to {after.outcome}"
 
 
 def _harmless(causes: Mapping[str, str] | None) -> tuple[str, ...]:

@@ -72,11 +72,7 @@ TREE_METHOD = "recursion along the tree; Gauss collocation of order 16, checked 
 
 
 def tree_record(
-    folder: str,
-    system: TreeSystem,
-    drawn: Segments,
-    scenario: str,
-    motion: float = 0.0,
+    folder: str, system: TreeSystem, drawn: Segments, scenario: str, motion: float = 0.0
 ) -> records.SystemResult:
     """Return the record of a tree: its joints, the sampled states and its motion.
 
@@ -114,9 +110,7 @@ def tree_record(
     )
 
 
-def quantities(
-    declared: tuple[Coordinate, ...] | tuple[Input, ...],
-) -> tuple[records.Symbol, ...]:
+def quantities(declared: tuple[Coordinate, ...] | tuple[Input, ...]) -> tuple[records.Symbol, ...]:
     """Build the records of coordinates or inputs."""
     return tuple(record_of(records.Symbol, each, latex=latex_name(each.name)) for each in declared)
 

@@ -413,7 +413,8 @@ def whole_time_step(task: ModelTask[Prepared], step: TimeStep | None) -> TimeSte
     if model is None or not 0 < model.step < SECONDS:
         return step
     comparison, _ = target.steps.kept(task.engine)
-    mode, state = _overshooting(model)
+    ranges = np.empty((0, 2)) if comparison is None else comparison.ranges
+    mode, state = _overshooting(model, ranges)
     if mode is None:
         return step
 
@@ -422,7 +423,7 @@ def whole_time_step(task: ModelTask[Prepared], step: TimeStep | None) -> TimeSte
     largest = None
     if model.set_step(h):
         largest = _largest_stable(
-            lambda step: model.set_step(step) and _overshooting(model)[0] is None, h
+            lambda step: model.set_step(step) and _overshooting(model, ranges)[0] is None, h
         )
         model.set_step(h)
     contacts = sorted(model.contacts(state), key=lambda one: one.distance)
@@ -434,9 +435,18 @@ def whole_time_step(task: ModelTask[Prepared], step: TimeStep | None) -> TimeSte
     return _record(task, joint, mode.growth, (h, largest), where, shapes=names)
 
 
-def _overshooting(model: WholeModel) -> tuple[GrowingMode | None, WholeState]:
-    """Return the mode that overshoots at the first keyframe, or as drawn, or soon after."""
+def _overshooting(model: WholeModel, ranges: Array) -> tuple[GrowingMode | None, WholeState]:
+    """Return the mode that overshoots at the first keyframe, or as drawn, or soon after.
+
+    Joints outside of their `ranges` (nz, 2) start 1 % inside, since the zero of a URDF may be
+    outside of its limits, which would throw the robot.
+    """
     *_, start = islice(model.starts, 2)
+    z = start.z.copy()
+    for i, (low, high) in enumerate(ranges):
+        if np.isfinite([low, high]).all() and not low <= z[i] <= high:
+            z[i] = np.clip(z[i], 0.99 * low + 0.01 * high, 0.01 * low + 0.99 * high)
+    start = start._replace(z=z)
     later = model.moved(start, min(SETTLING_STEPS, round(SETTLING / model.step)))
     for state in (later, start):
         finite = np.isfinite(state.z).all() and np.isfinite(state.m).all()

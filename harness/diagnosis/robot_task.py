@@ -179,11 +179,10 @@ def _left_without(run: FollowersRun, causes: Sequence[str]) -> float | None:
     except (EngineError, BlownUpError):
         return None
     (apart, _), (remaining, uncertainty) = _apart(run), _apart(other)
-    size = float(np.linalg.norm(apart))
-    share = float(np.linalg.norm(remaining)) / size
+    share = float(np.linalg.norm(remaining) / np.linalg.norm(apart))
     # Hidden as a verdict has it: an engine's own rounding may leave less than that.
     is_hidden = np.all(np.abs(remaining).ravel() <= np.maximum(uncertainty, run.task.resolution))
-    return share if is_hidden and share <= CLOSE and np.linalg.norm(uncertainty) < size else None
+    return share if is_hidden and share <= CLOSE else None
 
 
 _Remedy = tuple[tuple[str, ...], Mapping[str, object]]

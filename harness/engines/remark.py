@@ -67,11 +67,7 @@ def friction_remark(
 
 
 def limit_remarks(
-    name: str,
-    *,
-    bounds: tuple[float, float],
-    reached: tuple[float, float],
-    address: str,
+    name: str, *, bounds: tuple[float, float], reached: tuple[float, float], address: str
 ) -> tuple[Remark, ...]:
     """Return remarks for a joint's limits that the motions reach, and for those that they do
     not.

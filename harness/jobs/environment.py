@@ -18,12 +18,7 @@ from collections.abc import Iterator
 
 from physics_crosscheck.harness.engines.environment import VARIABLES
 
-COUNTS = (
-    "OPENBLAS_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
+COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Environment variables that numpy and scipy read on import."""
 
 MAPPED_FROM = "MALLOC_MMAP_THRESHOLD_"

@@ -147,7 +147,8 @@ def _of_files(results: Results, issues: Sequence[Issue], count: int) -> list[str
     amiss: dict[tuple[str, tuple[str, str]], dict[str, None]] = {}
     for issue in issues:
         for case in (issue.worst, *issue.others):
-            verbs = _VERBS.get(case.outcome, _NO_VERDICT)
+            loads = case.outcome is Outcome.REFUSED and "can't load it" not in case.reason
+            verbs = _NO_VERDICT if loads else _VERBS.get(case.outcome, _NO_VERDICT)
             amiss.setdefault((case.engine, verbs), {})[_file(case)] = None
     alike: dict[tuple[tuple[str, str], str], list[str]] = {}
     for (engine, verbs), files in amiss.items():

@@ -81,11 +81,7 @@ class Sandbox:
     def environment(self) -> dict[str, str]:
         """Return the environment that marks a process as part of this sandbox."""
         kept = {k: v for k, v in os.environ.items() if k not in ("CI", "GITHUB_ACTIONS")}
-        return kept | {
-            "PYTHONPATH": str(ROOT),
-            "TMPDIR": str(self.temporary),
-            _MARK: self.mark,
-        }
+        return kept | {"PYTHONPATH": str(ROOT), "TMPDIR": str(self.temporary), _MARK: self.mark}
 
     def start(self, command: Sequence[str] | None = None, **streams: int) -> subprocess.Popen[str]:
         """Start a run in its own session, as a terminal would."""

@@ -55,8 +55,11 @@ def gallery(tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path: Path) -> None:
+def test_the_gallery_is_a_page_of_robots_by_engines(
+    gallery: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     main(gallery)
+    printed = capsys.readouterr().out
     site = tmp_path / "site"
     cells = json.loads((site / "gallery.json").read_bytes())["cells"]
     assert {cell["robot"] for cell in cells} == set(ROWS)
@@ -68,6 +71,7 @@ def test_the_gallery_is_a_page_of_robots_by_engines(gallery: list[str], tmp_path
     assert (site / "robots/arm.xml/compare.html").is_file()  # the comparison as a page
     refuted = [cell for cell in cells if cell["outcome"] in ("DIFFERS", "REFUSED")]
     assert all(cell["line"] for cell in refuted), refuted
+    assert all(f" in {cell['engine']} has no means" in printed for cell in refuted), printed
 
     # An unchanged robot is not run again, and a changed cell is named.
     before = (tmp_path / "store/pendulum.urdf/results.json").stat().st_mtime_ns

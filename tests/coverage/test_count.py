@@ -107,9 +107,7 @@ def test_model_settings_in_the_sidecar_are_counted(task: SystemTask) -> None:
     assert "time step" in {one.reason for one in more.untested}
 
 
-def test_included_files_are_counted_and_not_changed(
-    task: SystemTask,
-) -> None:
+def test_included_files_are_counted_and_not_changed(task: SystemTask) -> None:
     """Compare with counts of the same numbers in one file, and of a robot's file."""
     whole = count_numbers(task)
     path = task.declared.model

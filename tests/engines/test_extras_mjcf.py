@@ -495,9 +495,7 @@ def test_lost_defaults_are_a_cause_with_a_corrective_setting(
     assert any("loses numbers that classes give" in one.message for one in model.remarks(two, two))
 
 
-def test_drake_misplaces_the_first_joints_of_a_body_unless_chained(
-    tmp_path: Path,
-) -> None:
+def test_drake_misplaces_the_first_joints_of_a_body_unless_chained(tmp_path: Path) -> None:
     joints = hinge() + hinge("k", 'pos="0 0 0.1" armature="0.1"', "1 0 0")
     path = write(tmp_path, f'<body pos="0.3 0 0" euler="0.1 0 0.2">{joints}{AWAY}</body>')
     mujoco = mjcf("mujoco", path)
@@ -515,9 +513,7 @@ def test_drake_misplaces_the_first_joints_of_a_body_unless_chained(
     assert off(agreed, mjcf("mujoco", tmp_path / "sample.xml")) < 1e-14
 
 
-def test_limits_act_in_discrete_drake_plants_unless_crossed(
-    tmp_path: Path,
-) -> None:
+def test_limits_act_in_discrete_drake_plants_unless_crossed(tmp_path: Path) -> None:
     path = write(tmp_path, ARM.replace(hinge(), hinge(more='range="-0.5 0.5"')))
     begin = np.array([0.49]), np.array([1.0])
     for name, settings, stopped in (

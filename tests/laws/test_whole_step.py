@@ -267,8 +267,7 @@ def test_case_with_a_wrong_limit_differs(
 def test_forces_without_a_law_are_named(tmp_path: Path) -> None:
     """Catch a comparison that passes although something without a law acts."""
     text = ARM.replace(
-        "</mujoco>",
-        '<actuator><general joint="a" dyntype="user" actdim="1"/></actuator></mujoco>',
+        "</mujoco>", '<actuator><general joint="a" dyntype="user" actdim="1"/></actuator></mujoco>'
     )
     record = checked(tmp_path, text).record
     assert record.outcome is None

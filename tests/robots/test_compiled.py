@@ -318,9 +318,7 @@ def test_part_that_only_mujoco_refuses_leaves_the_verdicts_of_other_engines(
     assert reason in cases["mujoco"].reason
 
 
-def test_problem_in_an_included_file_is_located_in_that_file(
-    tmp_path: Path,
-) -> None:
+def test_problem_in_an_included_file_is_located_in_that_file(tmp_path: Path) -> None:
     """Cover a file name with a colon."""
     (tmp_path / "part: 7.xml").write_text(
         "<mujocoinclude>\n<body><joint/>\n"

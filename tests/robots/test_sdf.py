@@ -334,9 +334,7 @@ def test_stated_mass_scales_the_densities_of_several_shapes(tmp_path: Path) -> N
     assert mass_and_center(f"{light}<mass>5</mass>") == pytest.approx((5, 0.3 * 500 / total))
 
 
-def test_shape_numbers_are_relevant_only_with_an_automatic_inertia(
-    tmp_path: Path,
-) -> None:
+def test_shape_numbers_are_relevant_only_with_an_automatic_inertia(tmp_path: Path) -> None:
     shaped = BASE.replace(
         "</link>", "<collision name='k'><pose>1 0 0 0 0 0</pose></collision></link>"
     )

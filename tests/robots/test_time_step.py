@@ -65,6 +65,8 @@ URDF = """<robot name="rod"><link name="base"/><joint name="j" type="continuous"
         pytest.param(rod(), "mujoco", None, "", id="conservative"),
         pytest.param(rod(low=0.1), "mujoco", None, "", id="inverted"),
         pytest.param(rod(joint='range="10 60"'), "mujoco", None, "", id="beyond a limit"),
+        pytest.param(rod(low=0.1, joint='range="57 115" solreflimit="-2000000 -100"'), "mujoco",
+                     None, "", id="thrown by a limit"),
         pytest.param(URDF.format(3), "pybullet", None, "", id="stable in pybullet"),
     ],
 )  # fmt: skip

@@ -156,6 +156,11 @@ def test_missing_environment_is_created_and_user_environment_is_used(
     wrong = home.versions("oscillator", "--engine", "toy", "2.5=own", "1.0")
     assert wrong.returncode == 3
     assert wrong.stderr.strip().endswith("it has toy 3.0")
+    (site,) = (home.place / "own").rglob("site-packages")
+    (site / "toy.py").write_text("raise ImportError('built for numpy 1')")
+    broken = home.versions("oscillator", "--engine", "toy", "3.0=own", "1.0")
+    assert broken.returncode == 3
+    assert broken.stderr.strip().endswith("with the packages here: built for numpy 1")
 
 
 @pytest.mark.release

@@ -51,12 +51,7 @@ _VARIANTS = (
         help="Number of draws [all combinations of listed values]",
     ),
     option(
-        "Variants",
-        "--seed",
-        type=int,
-        default=0,
-        metavar="N",
-        help="Random seed of the draws [0]",
+        "Variants", "--seed", type=int, default=0, metavar="N", help="Random seed of the draws [0]"
     ),
     option(
         "Variants",

@@ -248,9 +248,7 @@ class _Running:
     def job(self, block: Block) -> Job[tuple[SweepRow, ...]]:
         """Return the job of a block; if a worker dies, its cases run one by one."""
         return Job(
-            task=Task(run_block, block),
-            done=self._store_rows,
-            failed=partial(self._lost, block),
+            task=Task(run_block, block), done=self._store_rows, failed=partial(self._lost, block)
         )
 
     def _store_rows(self, rows: tuple[SweepRow, ...]) -> Iterator[Job[Any]]:

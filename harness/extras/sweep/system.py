@@ -248,12 +248,7 @@ class Swept(Source):
         )
 
     def _set_error(
-        self,
-        case: Planned,
-        motion: Motion,
-        run: SampledRun,
-        model: LoadedModel,
-        record: CaseRecord,
+        self, case: Planned, motion: Motion, run: SampledRun, model: LoadedModel, record: CaseRecord
     ) -> None:
         """Set the error at the time step, and why the run failed if it did."""
         amplitude = nonzero_scale(np.maximum(motion.amplitude, FLOOR * self.amplitude))

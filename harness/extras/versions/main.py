@@ -7,6 +7,7 @@ The results of the first version are accepted in a temporary baseline. Each next
 """
 
 import argparse
+import importlib
 import importlib.metadata
 import importlib.util
 import os
@@ -387,4 +388,10 @@ def _unusable(task: VersionTask, package: str) -> str:
     version = engine_class.version() if engine_class else None
     if version is None:
         return f"it has no {task.engine}; {sys.executable} -m pip can install it"
+    try:
+        importlib.import_module(task.engine)
+    except ModuleNotFoundError:
+        pass  # its module has another name
+    except ImportError as error:  # such as a package that was built for an older numpy
+        return f"it can't be imported with the packages here: {error}"
     return "" if version == task.version else f"it has {task.engine} {version}"

@@ -140,14 +140,7 @@ def _matrix(shape: Shape, q: Sequence[float]) -> str:
     elif shape.center is not None:
         x, y = _coordinates(shape.center, q)
         w, h, a = (evaluate(tree, q) for tree in (shape.width, shape.height, shape.angle))
-        values = (
-            w * math.cos(a),
-            w * math.sin(a),
-            -h * math.sin(a),
-            h * math.cos(a),
-            x,
-            y,
-        )
+        values = (w * math.cos(a), w * math.sin(a), -h * math.sin(a), h * math.cos(a), x, y)
     else:
         (x, y), (x2, y2) = _coordinates(shape.start, q), _coordinates(shape.end, q)
         length = math.hypot(x2 - x, y2 - y) or 1.0

@@ -115,9 +115,9 @@ class Viewer {
     const placed = [...this.element.querySelectorAll(".label")].map((label) => ({ label, at: project(this.#middle(Number(label.dataset.body), poses)) }));
     let least = 20;
     for (const { label, at: [x, y] } of placed.sort((a, b) => a.at[1] - b.at[1])) {
-      const row = Math.min(Math.max(y, least), canvas.clientHeight - 8);
+      const row = Math.max(Math.min(y, canvas.clientHeight - 8), least); // names without room are hidden
       least = row + label.offsetHeight + 2;
-      label.style.transform = `translate(${Math.min(Math.max(x, 4), canvas.clientWidth - label.offsetWidth - 14)}px, ${row}px)`;
+      Object.assign(label.style, { transform: `translate(${Math.min(Math.max(x, 4), canvas.clientWidth - label.offsetWidth - 14)}px, ${row}px)`, visibility: row > canvas.clientHeight - 8 ? "hidden" : "" });
     }
   }
 
