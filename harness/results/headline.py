@@ -48,7 +48,7 @@ def headline(results: Results) -> list[str]:
         sentences = [_issue_sentence(one, results) for one in issues if one not in refused]
         is_first = any(one.code == MISSPELLED for m in results.models for one in m.findings[:1])
         sentences = faults + sentences if is_first else sentences + faults
-        sentences += [*_of_files(results, refused, 0), *_followers(results, sentences + refused)]
+        sentences += [*_of_files(results, refused, 0), *_followers(results, [*sentences, *refused])]
     else:
         sentences = [*_of_files(results, issues, 0 if faults else len(files)), *faults]
     sentences = [*doubts, *sentences]

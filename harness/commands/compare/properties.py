@@ -219,7 +219,11 @@ def _welded(a: ModelSide, b: ModelSide, row: Aligned, body_b: SpatialInertia) ->
 
     every = whole({x.name: y.inertia for x, y in unequal}).in_frame(frame)
     scale = max(every.mass, body_b.mass), a.placed.size, float(np.abs(body_b.inertia).max())
-    miss = (float(np.abs(np.subtract(x, y)).max()) for x, y in zip(every, body_b, strict=True))
+    miss = (
+        abs(every.mass - body_b.mass),
+        _norm(every.center - body_b.center),
+        _norm(every.inertia - body_b.inertia),
+    )
     if any(error > SAME * size for error, size in zip(miss, scale, strict=True)):
         return []
     rows = []

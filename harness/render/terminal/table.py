@@ -559,7 +559,10 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
     errors = list[tuple[float, Case]]()
     for case in cases:
         if (step := case.time_step) is not None:
-            steps.setdefault(step_words(step), []).append(case.engine)
+            run, text = case.full_run, step_words(step)
+            if run is not None and run.global_error is not None:
+                text += f"; {percent(run.global_error)} in the full run"
+            steps.setdefault(text, []).append(case.engine)
             errors.append((math.inf if step.error is None else step.error, case))
     if len({(case.folder, case.model) for _, case in errors}) > 1:
         coarse = sum(error > OFF for error, _ in errors)
