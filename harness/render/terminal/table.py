@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from physics_crosscheck.harness.engines.registry import absent_extras, engines_reading
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, EventTime, Stepping, WholeStep
 from physics_crosscheck.harness.records.diff import Diff, Status
@@ -477,6 +478,9 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+FORMLESS = "contacts without a closed form"
+"""End of the note on contacts that only two engines can judge."""
+
 LEAST_CREEP = 1e-3
 """Speed of a contact that sticks above which it creeps, m/s."""
 
@@ -544,7 +548,11 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
         for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
-        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}"
+        by_name = engines_reading(Path(alike[0][1].model).suffix)
+        others = [one.name for one in by_name if one.on_request and one.name not in absent_extras()]
+        others = [name for name in others if name not in names and part.endswith(FORMLESS)]
+        more = f"; --engine {names[0]} --engine {others[0]} compares the contacts" if others else ""
+        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}{more}"
 
 
 def _why_not_compared(step: WholeStep) -> str:
