@@ -549,8 +549,8 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
         by_name = engines_reading(Path(alike[0][1].model).suffix)
-        others = [one.name for one in by_name if one.on_request and one.name not in absent_extras()]
-        others = [name for name in others if name not in names and part.endswith(FORMLESS)]
+        others = [one.name for one in by_name if one.on_request and part.endswith(FORMLESS)]
+        others = [x for x in others if x not in {*absent_extras(), *(c.engine for _, c in alike)}]
         more = f"; --engine {names[0]} --engine {others[0]} compares the contacts" if others else ""
         yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}{more}"
 
