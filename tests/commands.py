@@ -17,13 +17,7 @@ from tests.faults.known_folder import KNOWN_ANSWER
 def crosscheck(
     *arguments: object, cwd: Path, known_engine: bool = False, **environment: str | None
 ) -> subprocess.CompletedProcess[str]:
-    """Run `crosscheck` with arguments in a folder; return its exit code and output.
-
-    Args:
-        cwd: the folder.
-        known_engine: whether the known-answer engine is registered.
-        environment: variables in addition to CI and a width; None unsets one.
-    """
+    """Run `crosscheck` with arguments in a folder; return its exit code and output."""
     words, out, err = [*map(str, arguments)], io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.chdir(cwd)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.documents.document import Document
 from physics_crosscheck.harness.documents.urdf import read_urdf
-from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.compiled import CompiledShape, CompiledTree
 from physics_crosscheck.harness.engines.protocol import (
     LoadedModel,
     ModelSpec,
@@ -21,7 +22,7 @@ from physics_crosscheck.harness.engines.protocol import (
     WholeModel,
 )
 from physics_crosscheck.harness.engines.registry import engines
-from physics_crosscheck.harness.modelfiles.mjcf.read import law_model
+from physics_crosscheck.harness.modelfiles.mjcf.read import NO_TURN, law_model
 from physics_crosscheck.harness.modelfiles.readers import read_as_it_runs
 from physics_crosscheck.harness.modelfiles.urdf.laws import ruled_model
 from physics_crosscheck.harness.records.base import number
@@ -46,6 +47,7 @@ from physics_crosscheck.reference.mechanism.laws import (
     Surface,
 )
 from physics_crosscheck.reference.mechanism.planar import PlanarJoint
+from physics_crosscheck.reference.mechanism.rotations import Place, from_quaternion
 from physics_crosscheck.reference.mechanism.system import System
 from physics_crosscheck.reference.mechanism.tree import TreeError
 from .law_comparison import LawComparison
@@ -58,6 +60,11 @@ LARGEST = "largest force"
 """Quantity whose rule states what is clamped, and where."""
 
 FORCE_UNITS = {"hinge": "N m", "slide": "N"}
+
+WHOLE = "the whole weight on one contact"
+
+LEVEL = 0.02
+"""Share of a drawn robot's height within which its lowest points stand on a level floor."""
 
 DRAG = "default damping"
 """Damping of links that an engine adds by itself, relative to their inertia."""
@@ -87,7 +94,7 @@ def acting_quantities(
     bodies = ("", *(body.name for body in compiled.bodies))
     shapes = tuple(one.name.partition(":")[2] for one in compiled.placed)
     named = shapes if by_shape or not apart else ()
-    acting = Acting(model=model, bodies=bodies, shapes=named, apart=apart)
+    acting = Acting(model=model, bodies=bodies, shapes=named, apart=apart, placed=compiled.placed)
     return tuple(acting.quantities())
 
 
@@ -162,12 +169,14 @@ class Acting:
     Attributes:
         bodies, shapes: names by index; the ground is the first body.
         apart: whether each joint has its rows, and each shape, or each body without shapes.
+        placed: the shapes, by index; empty if their places are unknown.
     """
 
     model: LawModel
     bodies: Sequence[str]
     shapes: Sequence[str] = ()
     apart: bool = False
+    placed: Sequence[CompiledShape] = ()
 
     def quantities(self) -> Iterator[ActingQuantity]:
         """Yield all quantities: contacts with the ground, joint limits, drives."""
@@ -188,6 +197,29 @@ class Acting:
         rows = zip(tree.masses, tree.bodies, strict=True)
         mass = sum(float(mass) for mass, (link, _) in rows if link >= 0)
         return mass * float(np.linalg.norm(tree.tree.gravity))
+
+    @cached_property
+    def _lowest(self) -> Counter[int]:
+        """Count the lowest points of moving shapes as drawn, by index; nothing for meshes."""
+        laws, heights = self.model.laws, list[tuple[int, float]]()
+        up = -np.array(self.model.tree.tree.gravity)
+        for j, (surface, shape) in enumerate(zip(laws.surfaces, self.placed, strict=False)):
+            link, inner = self.model.tree.bodies[surface.body]
+            if link < 0 or shape.visual:
+                continue
+            if shape.kind not in ("box", "sphere", "capsule"):
+                return Counter()
+            pose, site = self._posture.poses[link], shape.frame
+            turn = from_quaternion(np.array(site.quaternion or NO_TURN))
+            frame = Place(pose.rotation, pose.origin).compose(inner)
+            frame = frame.compose(Place(turn, np.array(site.position)))
+            radius, half = (0.0, shape.size) if shape.kind == "box" else (
+                shape.size[0], (0.0, 0.0, sum(shape.size[1:2])))  # fmt: skip
+            for corner in product(*((-x, x) if x else (0.0,) for x in half)):
+                point = frame.transform(np.array(corner))
+                heights.append((j, float(up @ point) - radius * float(np.linalg.norm(up))))
+        low, high = (pick((h for _, h in heights), default=0.0) for pick in (min, max))
+        return Counter(j for j, h in heights if h <= low + LEVEL * (high - low))
 
     def _contacts(self) -> Iterator[ActingQuantity]:
         """Yield quantities of contacts between shapes that stand still and others."""
@@ -261,10 +293,13 @@ class Acting:
         weight = float(max(self.model.weights.bodies[body, 0] for body in bodies))
         if not self._weight or not weight:
             return
-        depth, creep = rest_on(contact, laws, weight, self._weight)
-        whole = "the whole weight on one contact"
+        rests = any(j in self._lowest for _, j in pairs)
+        count = self._lowest.total() if rests else 1
+        depth, creep = rest_on(contact, laws, weight, self._weight / count)
+        whole = f"the weight on {count} contacts" if count > 1 else WHOLE
         yield _quantity(subject, "rest depth", depth, "m", whole)
         sticks = contact.dimension > 1 and contact.friction[0] > np.tan(SLOPE)
+        sticks &= rests or self.apart or not self._lowest
         if sticks and any(map(self._is_loose, bodies)):
             note = f"{whole}, on a slope of {np.degrees(SLOPE):g} degrees"
             yield _quantity(subject, "creep", creep, "m/s", note)
@@ -379,7 +414,7 @@ def _of_near_rigid(model: NearRigidModel) -> Iterator[ActingQuantity]:
         rule = f"harmonic mean of {parts[0]:g} and {parts[1]:g}"
         yield replace(_quantity(subject, "friction", pair.friction, rule=rule), parts=parts)
         if pair.stiffness:
-            rule = "the whole weight on one contact"
+            rule = WHOLE
             yield _quantity(subject, "rest depth", weight / pair.stiffness, "m", rule)
         if pair.friction > (slope := math.tan(SLOPE)):
             creep = rules.slowest * slope / math.sqrt(pair.friction**2 - slope**2)
@@ -394,13 +429,7 @@ def _of_near_rigid(model: NearRigidModel) -> Iterator[ActingQuantity]:
 def _of_impulses(
     model: ImpulseModel, whole: WholeModel, grounded: frozenset[str]
 ) -> Iterator[ActingQuantity]:
-    """Yield quantities of contacts with the ground, joint limits and drives, as drawn, at rest.
-
-    Args:
-        model: the laws of the file.
-        whole: the file in the engine.
-        grounded: links whose shapes meet the floor.
-    """
+    """Yield quantities of contacts with the ground, joint limits and drives, as drawn, at rest."""
     laws, tree = model.laws, model.tree.tree
     rules, (floor, *surfaces) = laws.rules, laws.surfaces
     for name, surface in zip(rules.bodies[1:], surfaces, strict=True):

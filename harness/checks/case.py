@@ -306,16 +306,7 @@ def _combined(verdict: CaseJudgement, parts: Iterable[CasePart | None]) -> CaseJ
 
 @dataclass(frozen=True, kw_only=True)
 class _Judgement:
-    """The verdict on a motion, and the checks behind it.
-
-    Attributes:
-        model: the model that decides: with another integrator if only that resolves the case.
-        order: order of accuracy that it claims.
-        shipped_order: order that the file's own integrator claims.
-        limits: the segments that decide; None if single steps do.
-        shipped: the segments by the file's own integrator; None if single steps decide.
-        by_steps: the single steps that decide; None if segments do.
-    """
+    """The verdict on a motion, and the checks behind it."""
 
     verdict: CaseJudgement
     model: LoadedModel

@@ -230,17 +230,7 @@ def _at_limit(
     *,
     forced: bool,
 ) -> WholeState:
-    """Return a state beyond a limit, moving outward.
-
-    Args:
-        comparison: of the laws.
-        laws: with the limit.
-        state: to start from.
-        part: of the limit.
-        share: of the largest violation, or of the width of the impedance.
-        speed: rad/s or m/s.
-        forced: whether so fast that the limit acts although other forces pull the joint back.
-    """
+    """Return a state beyond a limit, moving outward."""
     limit, tree, order = laws.laws.limits[part.place], laws.tree.tree, comparison.order
     way = -1 if part.way < 0 else 1
     end, depth = (limit.lower, limit.upper)[way > 0], DEEPEST * (limit.upper - limit.lower)

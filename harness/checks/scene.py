@@ -169,12 +169,7 @@ def _body(tree: Tree, body: RigidBody, shapes: Sequence[PlacedShape], meshes: _M
 
 @dataclass(frozen=True)
 class _Meshes:
-    """The meshes of a scene.
-
-    Attributes:
-        records: each once.
-        places: their indices, by the shape's file, name and scale; missing if it can't be read.
-    """
+    """The meshes of a scene."""
 
     records: tuple[SceneMesh, ...]
     places: Mapping[_MeshKey, int]

@@ -384,14 +384,7 @@ _TRUNCATED = (
 def _syntax_error(
     file: Path, data: bytes, error: expat.ExpatError, unclosed: Sequence[str]
 ) -> LocationError:
-    """Return the error of a file that is not XML, with its line.
-
-    Args:
-        file: path of the file.
-        data: its bytes.
-        error: the parser's error.
-        unclosed: tags of elements that are open there, the root first.
-    """
+    """Return the error of a file that is not XML, with its line."""
     text, place = expat.ErrorString(error.code), f"column {error.offset + 1}"
     if not data.strip():
         return LocationError("not XML: the file has no element", file=file, line=1)

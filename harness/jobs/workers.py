@@ -68,12 +68,7 @@ _NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory"
 
 @dataclass(eq=False)
 class _Worker:
-    """A process with its task and the start time of the task.
-
-    Attributes:
-        subject: that of its last task.
-        orphaned: whether the process that started it is gone, so that only its pipe shows its end.
-    """
+    """A process with its task and the start time of the task."""
 
     process: BaseProcess
     tasks: Connection

@@ -48,13 +48,7 @@ def placed_in(links: Mapping[str, FileLink], file: Path) -> tuple[PlacedShape, .
 
 
 def _shapes(name: str, link: XmlElement, file: Path) -> Iterator[PlacedShape]:
-    """Yield the shapes of a link, visual ones first.
-
-    Args:
-        name: name of the link.
-        link: its element.
-        file: path of the file.
-    """
+    """Yield the shapes of a link, visual ones first."""
     elements = (*link.findall("visual"), *link.findall("collision"))
     for index, element in enumerate(elements):
         place, form = _pose(element), element.find("geometry/*")

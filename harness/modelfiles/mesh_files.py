@@ -135,13 +135,7 @@ def decimated_mesh(file: Path, faces: int) -> Mesh:
 
 
 def _merged(mesh: Mesh, cells: float, sharp: bool = False) -> Mesh:
-    """Merge the vertices in each cell of a grid.
-
-    Args:
-        mesh: the mesh.
-        cells: number of cells along its longest edge.
-        sharp: whether they merge near the planes of their faces; else in their middle.
-    """
+    """Merge the vertices in each cell of a grid."""
     points, low = mesh.points, np.min(mesh.points, axis=0)
     size = float(np.max(np.ptp(points, axis=0))) / cells or 1.0
     grid = np.floor((points - low) / size).astype(np.int64)

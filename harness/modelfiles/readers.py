@@ -164,11 +164,7 @@ def hold_joints(robot: Robot, names: tuple[str, ...]) -> Robot:
 def _changed(
     robot: Robot, names: Collection[str], springs: Sequence[Spring], *, released: bool
 ) -> Robot:
-    """Return a robot with joints fixed, springs added, and couplings released.
-
-    Raises:
-        TreeError: for a spring on a joint that the robot lacks.
-    """
+    """Return a robot with joints fixed, springs added, and couplings released."""
     model = robot.body_model
     if robot.tree is None or model is None:
         return robot

@@ -85,11 +85,7 @@ def is_source(file: Path) -> bool:
 
 
 def _plain(file: Path) -> Path:
-    """Return a file, expanded if it is a source.
-
-    Raises:
-        FolderError: naming the problem and the remedy.
-    """
+    """Return a file, expanded if it is a source."""
     if not is_source(file):
         return file
     try:
@@ -106,11 +102,7 @@ def _plain(file: Path) -> Path:
 
 
 def _known_robot(name: str) -> Path:
-    """Return the file of a robot from the cache of robot_descriptions, without network.
-
-    Raises:
-        FolderError: naming the problem and the remedy.
-    """
+    """Return the file of a robot from the cache of robot_descriptions, without network."""
     try:
         from robot_descriptions import _cache
         from robot_descriptions._descriptions import DESCRIPTIONS
@@ -142,11 +134,7 @@ def _known_robot(name: str) -> Path:
 
 
 def _module_of(name: str, modules: list[str]) -> str:
-    """Return the module of a robot: `panda` is `panda_description`.
-
-    Raises:
-        FolderError: for an unknown robot, with similar names.
-    """
+    """Return the module of a robot: `panda` is `panda_description`."""
     robot = name.removeprefix(ROBOT)
     for module in (robot, f"{robot}_description", f"{robot}_mj_description"):
         if module in modules:

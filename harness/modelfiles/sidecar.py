@@ -212,11 +212,7 @@ _LAW_LENGTHS = {"reference": 2, "impedance": 5}
 
 
 def _law(data: object, place: str) -> SoftLaw:
-    """Read a soft law: `reference` and `impedance`, and the numbers that have defaults.
-
-    Raises:
-        SidecarError: naming the entry.
-    """
+    """Read a soft law: `reference` and `impedance`, and the numbers that have defaults."""
     further = {"friction_ratio", "points", "weight"}
     if not isinstance(data, dict) or not set(_LAW_LENGTHS) <= set(data) <= further | set(
         _LAW_LENGTHS

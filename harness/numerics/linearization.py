@@ -147,18 +147,7 @@ def _by_accelerations(
 def _entries_differ(
     engine: Estimate, wanted: Array, point: OperatingPoint, length: float, resolution: float
 ) -> bool:
-    """Return whether an entry of a matrix differs from Taylor's.
-
-    The rule is that of `harness.numerics.judgement`, by entries. A share of the largest entry of A
-    or B counts as the same share of its effect on a state over the segment.
-
-    Args:
-        engine, wanted: the engine's and Taylor's matrix of rates or of a transition,
-            (2n, 2n + inputs).
-        point: the equilibrium.
-        length: seconds of the segment; 1 for rates.
-        resolution: smallest difference that counts.
-    """
+    """Return whether an entry of a matrix differs from Taylor's."""
     both = point.matrices["A"], point.matrices["B"]
     largest = [np.max(np.abs(one), initial=0.0) or 1.0 for one in both]
     scale = length * np.repeat(largest, [one.shape[1] for one in both])

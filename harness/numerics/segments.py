@@ -307,15 +307,7 @@ def _reweighted(
     scale: Array,
     resolution: float,
 ) -> ExtrapolatedLimit:
-    """Return a limit, or one of the same runs that resolves more segments.
-
-    Args:
-        o: the observable.
-        limit: from all rungs.
-        judge: returns the limit without the first rungs, or with least-variance weights.
-        scale: unit of relative errors, per component, (C,).
-        resolution: of the uncertainty, in units of `scale`.
-    """
+    """Return a limit, or one of the same runs that resolves more segments."""
     # An engine may meet an event some steps early or late, more than a coarse rung has.
     omitted = len(limit.increments) + 1 - FIRST_JUDGED if o.centred is not None else 0
     for first in range(1, omitted + 1):

@@ -199,11 +199,7 @@ def _finer(
     amplitude: Array,
     agrees: bool,
 ) -> tuple[list[CompleteRun], FullRunCheck]:
-    """Return the runs at the file's time step, half of it and less, and their evidence.
-
-    Args:
-        runs: the run at the file's time step, and that of half of it if available.
-    """
+    """Return the runs at the file's time step, half of it and less, and their evidence."""
     size = amplitude[: len(amplitude) // 2]
     base = runs[0]
     runs = runs if len(runs) > 1 else [base, _half(run, base)]

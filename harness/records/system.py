@@ -240,11 +240,7 @@ _LINKS = ("spring", "damper", "rod", "line", "wall", "measure")
 
 
 def _trees(shape: Shape) -> list[SketchTree | None]:
-    """Return every place and size of a shape.
-
-    Raises:
-        ValueError: if one is missing.
-    """
+    """Return every place and size of a shape."""
     link = shape.kind in _LINKS
     points = (shape.start, shape.end) if link else (shape.center,)
     places = [tree for point in points if isinstance(point, list) for tree in point]
@@ -264,11 +260,7 @@ _OPERANDS = {"^": 2, "sin": 1, "cos": 1, "tan": 1}
 
 
 def _check(tree: object, positions: int, depth: int = 0) -> None:
-    """Reject an invalid tree.
-
-    Raises:
-        ValueError: naming the invalid part.
-    """
+    """Reject an invalid tree."""
     match tree:
         case bool():
             pass

@@ -133,13 +133,7 @@ def _failure_notes(results: Results) -> Iterator[Annotation]:
 
 
 def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -> Annotation:
-    """Build an annotation at the first known line.
-
-    Args:
-        place: folder and model file.
-        blamed: source lines of the problem, as far as they are known.
-        fields: the other fields of the annotation.
-    """
+    """Build an annotation at the first known line."""
     folder = Path(place[0])
     file = folder if folder.is_file() else folder / place[1]
     shown = (shown_line(place[0], where) for where in blamed)

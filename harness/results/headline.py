@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case, Verdict
 from physics_crosscheck.harness.records.cause import SWITCHES
 from physics_crosscheck.harness.records.model import Model
@@ -25,6 +26,9 @@ POSES_NAMED = 3
 NAMED = 3
 """Number of files to name in a sentence."""
 
+MISSPELLED = "XC156"
+"""Code of a name that the format lacks."""
+
 
 def headline(results: Results) -> list[str]:
     """Return sentences on what is wrong in each engine's motion, or that engines follow the files.
@@ -40,8 +44,11 @@ def headline(results: Results) -> list[str]:
     faults = _faults(results, issues, several=len(files) > 1)
     doubts = [] if issues or faults else _doubtful_number(results)
     if len(files) == 1:
-        sentences = [_issue_sentence(one, results) for one in issues] + faults
-        sentences += _followers(results, sentences)
+        refused = [one for one in issues if one.worst.outcome is Outcome.REFUSED]
+        sentences = [_issue_sentence(one, results) for one in issues if one not in refused]
+        is_first = any(one.code == MISSPELLED for m in results.models for one in m.findings[:1])
+        sentences = faults + sentences if is_first else sentences + faults
+        sentences += [*_of_files(results, refused, 0), *_followers(results, [*sentences, *refused])]
     else:
         sentences = [*_of_files(results, issues, 0 if faults else len(files)), *faults]
     sentences = [*doubts, *sentences]
@@ -56,12 +63,15 @@ def _doubtful_number(results: Results) -> list[str]:
     ((_, name), (first, *others)) = next(iter(files.items()))
     code = find_code(first.code)
     title = "An implausible number" if code is None else code.title.removesuffix(".")
-    place = first.location
-    if place is not None and place.line:
-        name = f"{PurePath(place.file).name}:{place.line}"
+    name = _line_name(first.location, name)
     title += f" ({listed(first.subject, NAMED)})" if first.subject else ""
     more = f"; {counted(len(others), 'more implausible number')}" if others else ""
     return [f"{name}: {title[0].lower()}{title[1:]}{more}"]
+
+
+def _line_name(place: SourceLine | None, name: str) -> str:
+    """Return a file and its line; the given name without a line."""
+    return name if place is None or not place.line else f"{PurePath(place.file).name}:{place.line}"
 
 
 def _file(case: Case | Model) -> str:
@@ -106,13 +116,21 @@ def _faults(results: Results, issues: Sequence[Issue], *, several: bool = False)
     """Return what the audit finds in files whose motions show none: one fault, or several files."""
     differing = {one.worst.folder for one in issues if one.worst.outcome is Outcome.DIFFERS}
     models = [one for one in results.models if one.findings and not one.accepted]
-    faulty = [one for one in models if one.folder not in differing]
+    faulty = [one for one in models if one.folder not in differing or _misspelled(one)]
     if several and faulty:
         return [f"The audit finds faults in {listed([*dict.fromkeys(map(_file, faulty))], NAMED)}"]
-    return [f"{_file(faulty[0])}: {faulty[0].findings[0].message}"] if faulty else []
+    return [
+        f"{_line_name(one.findings[0].location, _file(one))}: {one.findings[0].message}"
+        for one in faulty[:1]
+    ]
 
 
-def _followers(results: Results, problems: Sequence[str]) -> list[str]:
+def _misspelled(model: Model) -> bool:
+    """Return whether the first finding is a name that the format lacks: a cause of differences."""
+    return model.findings[0].code == MISSPELLED
+
+
+def _followers(results: Results, problems: Sequence[object]) -> list[str]:
     """Return which engines follow the file, and to how many digits."""
     alike = [case for case in results.cases if case.outcome is Outcome.AGREES]
     engines_amiss = {case.engine for case in results.cases if not case.passes}

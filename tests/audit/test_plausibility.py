@@ -240,6 +240,8 @@ FINE = {
     "tip": "-0.1 0 0.2", "sole": "", "equality": '<connect site1="s" site2="t"/>',
 }  # fmt: skip
 SOLE = '<body name="sole" pos="0 0 0.1"><geom size="0.02"/></body>'
+FAR = SOLE.replace('<geom size="0.02"/>',
+                   '<inertial pos="0 0 -90" mass="1" diaginertia="0.01 0.01 0.01"/>')  # fmt: skip
 AIR = '<body name="air" pos="0 0 0.4"><joint/><geom size="0.2" density="1e-5"/></body>'
 
 
@@ -253,6 +255,8 @@ AIR = '<body name="air" pos="0 0 0.4"><joint/><geom size="0.2" density="1e-5"/><
     ({"sole": AIR}, "density", 3.35e-7, None, "balloon"),
     ({"tip": "0 0 0.2"}, "loop gap", 0.1, 0, "the joints can close it"),
     ({"tip": "0.3 0 0.2", "range": "-0.1 0.1"}, "loop gap", 0.4, None, "makes it smaller than 36"),
+    ({"equality": '<weld body1="base" relpose="0 0 -1 1 0 0 0"/>'}, "loop gap", .5, 0, "can close"),
+    ({"sole": FAR}, "center outside", 90, None, "Check the unit"),
     ({"equality": '<weld body1="a" body2="b" relpose="0.2 0 0 1 0 0 0"/>'}, "loop gap",
      0.1, None, "the weld of 'a' and 'b'"),
 ])  # fmt: skip

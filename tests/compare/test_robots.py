@@ -113,17 +113,44 @@ def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
 
 
 def test_one_mass_across_formats_is_one_line(tmp_path: Path) -> None:
-    mass = "0.90000009"
+    mass = "0.90000123"  # with six digits it is another one
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
     comparison = compared(a, b, engine_b="mujoco")
     assert comparison.outcome is Outcome.DIFFERS
-    assert with_effect(comparison) == [f"link fore: mass 0.9 in A, {mass} in B (+1.0e-07)"]
+    assert with_effect(comparison) == [f"link fore: mass 0.9 in A, {mass} in B (+1.4e-06)"]
     line = MJCF[: MJCF.index('mass="0.9"')].count("\n") + 1
     difference = result(comparison).properties[0]
     assert str(difference.where_a) == f"{a}:{line}"
     assert str(difference.where_b).endswith("arm.urdf:6")
     assert result(comparison).terms == ()
+
+
+@pytest.mark.parametrize(("form", "outcome"), [
+    ("{:.8g}", Outcome.AGREES), ("{:.9g}", Outcome.AGREES), ("tool", Outcome.DIFFERS),
+])  # fmt: skip
+def test_rounding_by_a_writer_agrees_and_an_added_inertial_is_named(
+    form: str, outcome: Outcome, tmp_path: Path
+) -> None:
+    """Let a writer round to eight digits, to 32 bits, or add an inertial to a massless link."""
+    tool = '<link name="tool"/><joint name="weld" type="fixed"><parent link="hand"/>' \
+           '<child link="tool"/></joint></robot>'  # fmt: skip
+    exact = ("0.041", "0.04123456789"), ("0.35", "0.3512345678"), ("</robot>", tool)
+    moments = 'ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"'
+    inertial = f'<inertial><mass value="1e-6"/><inertia {moments}/></inertial>'
+    small = ('name="tool"/>', f'name="tool">{inertial}</link>')
+    rounded = [
+        (text, form.format(np.float32(text) if "9" in form else float(text)))
+        for text in ("0.04123456789", "0.3512345678")
+    ]
+    a = written(tmp_path, "a.urdf", URDF, *exact)
+    b = written(tmp_path, "b.urdf", URDF, *exact, *([small] if form == "tool" else rounded))
+    comparison = compared(a, b, "mujoco", "mujoco")
+    assert comparison.outcome is outcome, comparison.reason
+    if form == "tool":
+        assert with_effect(comparison) == [
+            "link tool: inertial none in A, (mass 1e-06, moments 1e-06 1e-06 1e-06) in B"
+        ]
 
 
 def test_link_frames_welds_and_joint_zeros_are_conventions(tmp_path: Path) -> None:

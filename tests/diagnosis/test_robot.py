@@ -361,7 +361,7 @@ def test_masses_that_an_engine_needs_are_its_cause(tmp_path: Path) -> None:
         ('<compiler boundmass="2" eulerseq="xyz"/><option density="500"/>', 1, "mujoco",
          ['<compiler boundmass="2">, line 2 (arm 0.9', '<option density="500">, line 2']),
         ('<option><flag gravity="disable"/></option>', 1, "mujoco", ['<flag gravity="disable">']),
-        ("", 0.01, "pybullet", ["length of the axes of a, up to 9.9e-01 off 1"]),
+        ("", 0.01, "pybullet", ["length of the axes of a, 0.01 instead of 1"]),
     ],
 )  # fmt: skip
 def test_settings_of_an_engine_are_tried_before_fits(

@@ -27,15 +27,7 @@ printf '%s %s\\n' "$(basename "$0")" "$*" >> "$CALLED"
 
 @dataclass(frozen=True)
 class Job:
-    """The result of a job.
-
-    Attributes:
-        passes: whether no required step failed.
-        ran: names of the steps that were run, or their commands.
-        called: calls of faked programs, a line each.
-        summary: the job's summary.
-        stdout: output of all steps.
-    """
+    """The result of a job."""
 
     passes: bool
     ran: tuple[str, ...]

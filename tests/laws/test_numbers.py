@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from physics_crosscheck.harness.checks.acting import acting_quantities
 from physics_crosscheck.harness.checks.prepare import prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.law_problem import law_problem
@@ -171,6 +172,23 @@ def test_depth_at_rest_and_the_creep_on_a_slope_are_those_of_the_engine(
     _, creep = rest_on(contact, laws.laws, float(laws.weights.bodies[1, 0]), 2 * G * np.cos(SLOPE))
     mujoco.mj_step(model, data, 4000)
     assert data.qvel[0] == pytest.approx(creep / np.cos(SLOPE), rel=1e-9)
+
+
+CART = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .1"><freejoint/>
+<geom type="box" size=".2 .1 .04" mass="5"/><geom size=".03" pos=".15 .08 -.07" mass=".1"/>
+<geom size=".03" pos=".15 -.08 -.07" mass=".1"/><geom size=".03" pos="-.15 0 -.07" mass=".1"/>
+</body></worldbody></mujoco>"""
+
+
+def test_creep_is_that_of_a_body_on_all_its_feet(tmp_path: Path) -> None:
+    (file := tmp_path / "cart.xml").write_text(CART, encoding="utf-8")
+    quantities = acting_quantities(engines()["mujoco"].compiled(file))
+    (creep,) = (one for one in quantities if one.quantity == "creep")
+    assert "the weight on 3 contacts" in creep.rule
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.gravity[:] = 9.81 * np.sin(SLOPE), 0, -9.81 * np.cos(SLOPE)
+    mujoco.mj_step(model, data := mujoco.MjData(model), 2000)
+    assert data.qvel[0] == pytest.approx(creep.value, rel=1e-2)
 
 
 LIMIT = """<mujoco><option timestep="{step}" gravity="0 0 0"/><compiler angle="radian"/>

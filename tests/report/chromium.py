@@ -29,11 +29,7 @@ ARRIVED = """(() => {
 
 
 class Tab:
-    """One page with its problems and its requests.
-
-    Attributes:
-        changed: whether the next opening reloads the page even if it is open already.
-    """
+    """One page with its problems and its requests."""
 
     def __init__(self, browser: Browser, session: str) -> None:
         self.browser = browser

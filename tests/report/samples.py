@@ -238,11 +238,7 @@ STIFFNESS = '  <joint name="x" stiffness="38.25" damping="0.5"/>'
 
 
 def planted(engines: Sequence[str] = ("mujoco", "pybullet")) -> Results:
-    """Return results with one wrong number: its file differs in each run, others agree.
-
-    Args:
-        engines: that each of four model files runs in.
-    """
+    """Return results with one wrong number: its file differs in each run, others agree."""
     sample = results(2)
     lines = sample.models[0].text.splitlines()
     text = "\n".join([*lines[:20], STIFFNESS, *lines[21:]]) + "\n"

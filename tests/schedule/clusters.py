@@ -24,13 +24,7 @@ workers.PRELOADED = workers.PRELOADED_TO_DERIVE = ()
 
 @dataclass
 class Loopback:
-    """A scheduler, and workers that share no working folder with it.
-
-    Attributes:
-        place: folder of logs and of the workers' folders.
-        address: of the scheduler.
-        workers: by name.
-    """
+    """A scheduler, and workers that share no working folder with it."""
 
     place: Path
     address: str = ""

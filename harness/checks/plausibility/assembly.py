@@ -81,14 +81,17 @@ def _gap(facts: RobotFacts, equality: SoftEquality, q: Array) -> tuple[float, fl
 
 
 def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
-    """Return the smallest gap within the limits of hinges and slides; other joints are held."""
+    """Return the smallest gap within the limits of hinges and slides; others move anywhere."""
     # Import late: few robots have loops, and it costs a tenth of a worker's start.
     from scipy.optimize import minimize
 
-    names = [link.name for link in facts.tree.links]
-    single = [name for name in names if name in facts.rest]
-    places = [facts.tree.positions[names.index(name)].start for name in single]
-    limits = [facts.joints[name].limits or (-np.pi, np.pi) for name in single]
+    limits: dict[int, tuple[float, float]] = {}
+    for link, part in zip(facts.tree.links, facts.tree.positions, strict=True):
+        if link.name in facts.rest:
+            limits[part.start] = facts.joints[link.name].limits or (-np.pi, np.pi)
+        else:
+            limits |= dict.fromkeys(range(part.start, part.stop), (-np.inf, np.inf))
+    places = list(limits)
     weight = equality.turn_scale or 0.0
 
     def squared(x: Array) -> float:
@@ -98,11 +101,14 @@ def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
         return gap**2 + (weight * turn) ** 2
 
     random = np.random.default_rng(20260101)
-    low, high = np.array(limits).reshape(-1, 2).T
-    ends = [np.clip(facts.drawn[places], low, high)]
-    if single:
-        ends += [random.uniform(low, high) for _ in range(STARTS)]
-        ends = [minimize(squared, x, bounds=limits, method="L-BFGS-B").x for x in ends]
+    low, high = np.array(list(limits.values())).reshape(-1, 2).T
+    drawn, is_free = facts.drawn[places], np.isinf(low)
+    ends = [np.clip(drawn, low, high)]
+    if places:
+        around = np.where(is_free, drawn - 0.5, low), np.where(is_free, drawn + 0.5, high)
+        ends += [random.uniform(*around) for _ in range(STARTS)]
+        bounds = list(limits.values())
+        ends = [minimize(squared, x, bounds=bounds, method="L-BFGS-B").x for x in ends]
     q = facts.drawn.copy()
     q[places] = min(ends, key=squared)
     return _gap(facts, equality, q)

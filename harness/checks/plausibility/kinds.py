@@ -200,8 +200,15 @@ def _unlike_solid(facts: RobotFacts, body: WeldedBody, part: LinkPart) -> Iterat
 
 
 def _beyond_robot(facts: RobotFacts, part: LinkPart) -> Iterator[Advice]:
-    """Yield a link with a radius of gyration larger than the robot."""
+    """Yield a link with a radius of gyration, or a center, that is larger than the robot."""
     mass, extent, turned = part.inertia.mass, facts.extent, np.trace(part.inertia.inertia) / 2
+    far, limit = float(np.linalg.norm(part.inertia.center)), 10 * BEYOND * extent
+    if mass > 0 and extent >= MIN_EXTENT and far > limit:
+        message = (
+            f"the center of mass of link {quote(part.name)} is {far:.3g} m from its frame in a "
+            f"robot of {extent:.3g} m. Check the unit of the origin of its inertia"
+        )
+        yield facts.advice("center outside", part.name, message, extent, far, far / limit)
     if mass <= 0 or extent < MIN_EXTENT or turned <= mass * (BEYOND * extent) ** 2:
         return
     limit = mass * extent**2

@@ -222,8 +222,9 @@ def _decided(
         rounded = [
             row for row in every if row.relative is not None and row.relative <= FLOAT_DIGITS
         ]
-    elif _is_short(prepared):
-        rounded = [row for row in every if is_rounding(row)]
+    else:
+        digits = _written_digits(prepared)
+        rounded = [row for row in every if is_rounding(row, *digits)]
     rows = [row for row in rows if row not in rounded]
     largest = max((row.relative or 0.0 for row in rounded), default=0.0)
     moving = [row for row in every if row.moves]
@@ -243,14 +244,28 @@ def is_same_model(a: Candidate, b: Candidate) -> bool:
     return a.engine == b.engine and a.settings == b.settings and files[0] == files[1]
 
 
-def is_rounding(row: ComparedProperty) -> bool:
-    """Return whether a difference may be rounding to six digits."""
-    if row.a is not None and row.b is not None:
-        return row.a != row.b and any(
-            math.isclose(float(f"{x:.6g}"), y, rel_tol=STILL)
-            for x, y in ((row.a, row.b), (row.b, row.a))
-        )
-    return row.relative is not None and 0.0 < row.relative <= SIX_DIGITS
+def is_rounding(row: ComparedProperty, digits: int, copied: int) -> bool:
+    """Return whether a difference may be rounding by a writer.
+
+    Args:
+        row: the difference.
+        digits: of numbers that the writer computed; 0 for no writer.
+        copied: digits of numbers that it copied, at least.
+    """
+    if row.a is None or row.b is None:
+        return bool(digits) and 0.0 < (row.relative or 0.0) <= 5.0 * 10.0**-digits
+    is_float = digits == FLOAT_PRECISION and np.float32(row.a) == np.float32(row.b)
+    return row.a != row.b and (is_float or any(
+        math.isclose(float(f"{x:.{n}g}"), y, rel_tol=STILL)
+        for x, y in ((row.a, row.b), (row.b, row.a)) for n in WRITTEN_DIGITS if n >= copied
+    ))  # fmt: skip
+
+
+WRITTEN_DIGITS = range(6, 10)
+"""Digits of writers whose rounding is ignored."""
+
+FLOAT_PRECISION = 7
+"""Digits of numbers of 32 bits."""
 
 
 def deciding(
@@ -282,21 +297,22 @@ PLACES = ("anchor", "axis")
 FLOAT_DIGITS = 5e-7
 """Largest relative rounding of numbers that USD stores in 32 bits."""
 
-SIX_DIGITS = 5e-6
-"""Largest relative rounding of a number written with six digits."""
+_NUMBERS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
 
 
-_DIGITS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
-
-
-def _is_short(prepared: PreparedComparison) -> bool:
-    """Return whether one of the files is written with six significant digits."""
-    texts = [model.sidecar.model.read_bytes() for model in prepared.models]
-    longest = [
-        max((len(one.replace(b".", b"").rstrip(b"0")) for one in _DIGITS.findall(text)), default=0)
-        for text in texts
-    ]
-    return 6 in longest
+def _written_digits(prepared: PreparedComparison) -> tuple[int, int]:
+    """Return the digits of the shortest file, from six on, and of its copied numbers."""
+    least = []
+    files = [model.sidecar.model for model in prepared.models]
+    for file in files:
+        matches = _NUMBERS.finditer(file.read_bytes())
+        digits = {one[0]: len(one[1].replace(b".", b"").rstrip(b"0")) for one in matches}
+        longer = [float(text) for text, count in digits.items() if count > FLOAT_PRECISION]
+        is_float = np.allclose(np.array(longer, dtype=np.float32), longer, 1e-8, 0.0)
+        is_float &= bool(longer)
+        least.append(FLOAT_PRECISION if is_float else max(digits.values(), default=0))
+    written = min((one for one in least if one in WRITTEN_DIGITS), default=0)
+    return written, 0 if files[0].suffix != files[1].suffix else written or 99
 
 
 UNCOMPARED = {
@@ -383,14 +399,7 @@ def _spelled(created: datetime.datetime | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Turned:
-    """Joints of opposite direction in B, and the target's motion without that effect.
-
-    Attributes:
-        names: of these joints.
-        signs: -1 for each, (m,).
-        judgement: of the target then.
-        followed: its end states then.
-    """
+    """Joints of opposite direction in B, and the target's motion without that effect."""
 
     names: tuple[str, ...] = ()
     signs: Array

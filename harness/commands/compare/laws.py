@@ -230,12 +230,7 @@ def _in_a(row: LawRow, pairs: Mapping[str, JointPair], indices: Mapping[str, int
 
 @dataclass(frozen=True, kw_only=True)
 class _LawDifference:
-    """An attribute of a row that differs.
-
-    Attributes:
-        attribute: its name.
-        a, b: the rows; None for a row that only the other file has.
-    """
+    """An attribute of a row that differs."""
 
     attribute: str
     a: LawRow | None

@@ -6,7 +6,7 @@ some actuators and shapes do not affect the compared motions.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
 from physics_crosscheck.harness.records.comparison import ComparedProperty
 from physics_crosscheck.reference.mechanism.bodies import RigidBody, powers
-from physics_crosscheck.reference.mechanism.rotations import Place
+from physics_crosscheck.reference.mechanism.rotations import NO_INERTIA, Place, SpatialInertia
 from physics_crosscheck.reference.mechanism.tree import Tree
 from physics_crosscheck.reference.solving.segments import Segments
 from .actuators import actuator_properties
@@ -36,7 +36,16 @@ from .candidate import Candidate, Facts, ask
 from .judge import weighed
 from .match import JointPair, joints_of, pairs_of
 from .prepared import PreparedComparison
-from .side import Difference, ModelSide, apart, lines_of, make_property, model_side, shown
+from .side import (
+    Difference,
+    ModelSide,
+    apart,
+    lines_of,
+    make_property,
+    model_side,
+    shown,
+    values_shown,
+)
 from .stated import stated_properties
 
 ROUNDING = 1e-13
@@ -173,14 +182,16 @@ def _vector(values: Array) -> str:
 def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
     body_a, body_b = a.placed.body_inertia(row.a), b.placed.body_inertia(row.b).in_frame(row.moved)
     parts, frame = (a.parts[row.a], b.parts[row.b]), a.placed.frames[row.a]
+    if welded := _welded(a, b, row, body_b):
+        yield from welded
+        return
     heavy = max(body_a.mass, body_b.mass)
     if abs(body_a.mass - body_b.mass) > SAME * heavy:
         yield from _masses(a, b, row, parts, (body_a.mass, body_b.mass))
     apart = float(np.linalg.norm(body_a.center - body_b.center))
     weighed = min(body_a.mass, body_b.mass) > 0
     if weighed and apart > SAME * size:
-        here, there = (f"({_digits(c, apart)})" for c in (body_a.center, body_b.center))
-        message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
+        message = f"{_centers(body_a.center, body_b.center)}, in the world"
         changed = with_link(a.tree, row.a, center=frame.rotation.T @ (body_b.center - frame.origin))
         yield _named(a, b, parts, "centre", message, apart / size, changed)
     large = max(np.abs(body_a.inertia).max(), np.abs(body_b.inertia).max())
@@ -191,6 +202,65 @@ def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> I
         changed = with_link(a.tree, row.a, inertia=inertia)
         record, tree = _named(a, b, parts, "inertia", message, miss / large, changed)
         yield structs.replace(record, remedy=_tensor_remedy(a, b, row, record)), tree
+
+
+def _welded(a: ModelSide, b: ModelSide, row: Aligned, body_b: SpatialInertia) -> list[Difference]:
+    """Return a row per number of welded links, if these explain the body in B, in the world."""
+    parts, frame = a.parts[row.a], a.placed.frames[row.a]
+    unequal = [pair for pair in _namesakes(parts, b.parts[row.b]) if _unlike(*pair)]
+    if max(len(parts), len(b.parts[row.b])) < 2 or a.file.suffix != b.file.suffix:
+        return []
+
+    def whole(numbers: Mapping[str, SpatialInertia]) -> SpatialInertia:
+        links = [
+            numbers.get(one.name, one.inertia).in_frame(a.tree.frames[one.name][1]) for one in parts
+        ]
+        return reduce(SpatialInertia.combined, links, NO_INERTIA)
+
+    every = whole({x.name: y.inertia for x, y in unequal}).in_frame(frame)
+    scale = max(every.mass, body_b.mass), a.placed.size, float(np.abs(body_b.inertia).max())
+    miss = (
+        abs(every.mass - body_b.mass),
+        _norm(every.center - body_b.center),
+        _norm(every.inertia - body_b.inertia),
+    )
+    if any(error > SAME * size for error, size in zip(miss, scale, strict=True)):
+        return []
+    rows = []
+    for x, y in unequal:
+        p, q = x.inertia, y.inertia
+        bare = [not one.mass and not one.inertia.any() for one in (p, q)]
+        texts = ("none" if empty else f"(mass {one.mass:.9g}, moments "
+                 f"{values_shown(np.linalg.eigvalsh(one.inertia).tolist())[1:]}"
+                 for one, empty in zip((p, q), bare, strict=True))  # fmt: skip
+        changes = [("mass", "inertial {} in A, {} in B".format(*texts), 1.0, q)] if any(bare) else [
+            ("mass", f"mass {shown(p.mass, q.mass)}",
+             abs(p.mass - q.mass) / (max(p.mass, q.mass) or 1.0), p._replace(mass=q.mass)),
+            ("centre", _centers(p.center, q.center), _norm(p.center - q.center) / a.placed.size,
+             p._replace(center=q.center)),
+            ("inertia", _tensors(p.inertia, q.inertia), _norm(p.inertia - q.inertia)
+             / (_norm(p.inertia) or 1.0), p._replace(inertia=q.inertia)),
+        ]  # fmt: skip
+        for kind, message, share, new in changes:
+            if share:
+                body = whole({x.name: new})
+                rows.append(make_property(
+                    kind, x.name, f"link {_both(x.name, y.name)}: {message}",
+                    a=p.mass if kind == "mass" else None, b=q.mass if kind == "mass" else None,
+                    lines=lines_of(a, b, kind, (x.name, y.name)), relative=share,
+                    changed=with_link(a.tree, row.a, **body._asdict()),
+                ))  # fmt: skip
+    return rows
+
+
+def _norm(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def _centers(here: Array, there: Array) -> str:
+    apart = float(np.linalg.norm(here - there))
+    texts = (f"({_digits(center, apart)})" for center in (here, there))
+    return "centre of mass {} in A, {} in B".format(*texts) + f", {apart:.3g} m apart"
 
 
 def _tensor_remedy(a: ModelSide, b: ModelSide, row: Aligned, record: ComparedProperty) -> str:
@@ -265,17 +335,13 @@ def _named(
     changed: Tree,
     values: tuple[float | None, float | None] = (None, None),
 ) -> Difference:
-    """Return a difference of the one link that differs, or of all welded links.
+    """Return a difference of all welded links.
 
     `share` is the relative difference.
     """
-    unequal = [
-        pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)
-    ]
-    x, y = unequal[0] if len(unequal) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
+    x, y = _heaviest(parts[0]), _heaviest(parts[1])
     name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
-    more = max(map(len, parts)) > 1 and len(unequal) != 1
-    subject = f"link {name}{' with what is welded to it' if more else ''}"
+    subject = f"link {name}{' with what is welded to it' if max(map(len, parts)) > 1 else ''}"
     return make_property(
         kind,
         x.name if x else name,

@@ -403,6 +403,7 @@ def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]
     if compiled is None:
         for element in () if model.root is None else model.root.iter("joint"):
             stated = rows.setdefault(element.get("name"), {})
+            stated.update(_stated_mimic(element) if model.file.suffix == ".urdf" else {})
             for what in ("friction", "effort", "velocity"):
                 if (value := _stated_number(element, what)) is not None:
                     stated[what] = (value,)
@@ -421,6 +422,15 @@ def _by_joint(model: ModelSide, *, drives: bool) -> dict[str, dict[str, _Values]
             low, high = force[0], force[1]
             rows.setdefault(name, {})["effort"] = (high,) if low == -high else (low, high)
     return rows
+
+
+def _stated_mimic(joint: XmlElement) -> dict[str, _Values]:
+    """Return the coupling of a URDF's joint, also one that no engine enforces."""
+    mimic = joint.find("mimic")
+    texts = [] if mimic is None else [mimic.get("multiplier", "1"), mimic.get("offset", "0")]
+    if mimic is None or not all(read_numbers(text, 1) for text in texts):
+        return {}
+    return {"coupling": (mimic.get("joint"), *map(float, texts))}
 
 
 def _stated_number(joint: XmlElement, what: str) -> float | None:

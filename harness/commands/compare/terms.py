@@ -244,14 +244,7 @@ def _less(total: Estimate, part: Estimate) -> Estimate:
 
 
 class _Pair:
-    """Measurements of two models, for r joints at N states.
-
-    Args:
-        a, b: the measurements.
-        names: of the joints, (r,).
-        places: joint positions, (N, r).
-        states: that the comparison sampled, for the scales of the motions.
-    """
+    """Measurements of two models, for r joints at N states."""
 
     def __init__(
         self, a: Mechanics, b: Mechanics, names: Sequence[str], places: Array, states: SampledStates

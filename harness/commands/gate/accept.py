@@ -112,12 +112,7 @@ def accept_each(
 
 
 def _matching(result: GateResult, patterns: Sequence[str]) -> list[Change]:
-    """Select the changes that match the patterns; all without patterns.
-
-    Raises:
-        AcceptError: for a case that failed.
-        FolderError: for a pattern that matches nothing.
-    """
+    """Select the changes that match the patterns; all without patterns."""
     for pattern in patterns:
         if not any(_matches(change, pattern) for change in result.changes):
             examples = sorted({f"{c.id.path}/{c.id.scenario}" for c in result.changes})[:4]

@@ -319,13 +319,7 @@ def code_hint(result: GateResult) -> str:
 
 
 def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> list[str]:
-    """Return a line for each case of a model; common facts appear once.
-
-    Args:
-        group: cases of one model.
-        width: columns.
-        with_audit: whether to list audit findings, which the headline may already show.
-    """
+    """Return a line for each case of a model; common facts appear once."""
     first = group[0]
     name = with_code(first.diff.code, first.id.path)
     lines = wrapped(f"{first.status}  {name}", width)
@@ -348,19 +342,28 @@ def _group_lines(group: Sequence[Change], width: int, *, with_audit: bool) -> li
 
 
 def accepted_lines(
-    cases: Sequence[CaseId], files: Sequence[Path], width: int, *, with_cases: bool = False
+    result: GateResult,
+    cases: Sequence[CaseId],
+    files: Sequence[Path],
+    width: int,
+    *,
+    with_cases: bool = False,
 ) -> list[str]:
-    """Return the accepted cases, one line for each system, and the files that were written.
-
-    Args:
-        cases: cases with a new or changed entry.
-        files: written files of the baseline.
-        width: columns.
-        with_cases: whether to list the cases.
-    """
+    """Return the accepted cases, a line for each system with what is amiss, and written files."""
     lines: list[str] = []
     for system, number in Counter(case.system for case in cases).items():
-        lines += wrapped(f"Accepted {counted(number, 'case')} of {system}", width)
+        amiss: dict[str, dict[str, None]] = {}
+        for change in result.changes:
+            if change.id not in cases or change.id.system != system or change.now is None:
+                continue
+            if change.now.outcome is not Outcome.AGREES:
+                amiss.setdefault(f"{change.now.outcome} in ", {})[change.id.engine] = None
+            model = None if change.case is None else result.model_of(change.case)
+            codes = [] if model is None else [one.code for one in model.findings]
+            amiss.setdefault("faults in the file: ", {}).update(dict.fromkeys(codes))
+        words = "; ".join(f"{what}{', '.join(names)}" for what, names in amiss.items() if names)
+        text = f"Accepted {counted(number, 'case')} of {system}{words and f': {words}'}"
+        lines += wrapped(text, width)
     if not cases:
         lines.append("Nothing to accept: every case is as accepted")
     if with_cases:

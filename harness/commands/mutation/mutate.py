@@ -97,15 +97,7 @@ def mutate(
 
 @dataclass
 class _Plan:
-    """The jobs and their rows: targets, then surveys of models, then faults.
-
-    Attributes:
-        unsound: why engines do not agree with robot files, by file.
-        sound: robot files that agree with their equations in an engine.
-        placed_rows: rows with the positions of their faults in the order of the surveys.
-        pending: number of jobs that have not yet reported their number of faults.
-        planned: number of faults so far.
-    """
+    """The jobs and their rows: targets, then surveys of models, then faults."""
 
     options: Options
     progress: Progress

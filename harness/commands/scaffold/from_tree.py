@@ -394,12 +394,7 @@ def _sidecar(
 
 
 def _check_reading(folder: Path, robot: Robot) -> None:
-    """Compare the declaration and the copy of the file with the robot that was read.
-
-    Raises:
-        _OtherBodiesError: if the copy differs.
-        NewError: if the declaration differs.
-    """
+    """Compare the declaration and the copy of the file with the robot that was read."""
     chosen = str(robot.stated.get("model", ""))
     again = read_robot(folder / robot.file.name, floating=robot.floats, model=chosen)
     if again.body_model != robot.body_model:

@@ -32,14 +32,7 @@ def moving_joints(plant: Any) -> list[Any]:
 
 
 class _Turning(NamedTuple):
-    """A joint that rotates freely.
-
-    Attributes:
-        here, there: its rotation in z and in x.
-        origin, origin_x: its place in z and in x; empty for a ball.
-        q, v: index of its first position and velocity in Drake.
-        inward: axes of its frame on the child, in the child's, (3, 3).
-    """
+    """A joint that rotates freely."""
 
     here: slice
     there: slice

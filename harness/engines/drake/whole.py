@@ -184,12 +184,7 @@ class DrakeWhole(UndrivenWhole):
         return damping
 
     def _residual(self, acceleration: Array, after: Array) -> Array:
-        """Return the force that the solver left, and those of limits, in Drake's order.
-
-        Args:
-            acceleration: mean of the step, (nv,).
-            after: velocities after it, (nv,).
-        """
+        """Return the force that the solver left, and those of limits, in Drake's order."""
         from pydrake.multibody.tree import ModelInstanceIndex
 
         plant, context = self._drake, self._plant.context

@@ -64,8 +64,9 @@ def unit_axes(robot: XmlElement) -> None:
 
 def length_cause(lengths: Mapping[str, float]) -> str:
     """Return the cause that a diagnosis reports."""
-    worst = max(map(abs, lengths.values()))
-    return f"PyBullet's own length of the axes of {', '.join(lengths)}, up to {worst:.1e} off 1"
+    worst = max(lengths.values(), key=abs)
+    size = f"up to {abs(worst):.1e} off 1" if abs(worst) < 1e-3 else f"{1 + worst:.3g} instead of 1"
+    return f"PyBullet's own length of the axes of {', '.join(lengths)}, {size}"
 
 
 def scaled_inertias(robot: XmlElement) -> list[XmlElement]:

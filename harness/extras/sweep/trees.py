@@ -37,13 +37,7 @@ _READ = ("floating", "held", "controls", "model", "gravity")
 
 
 class _FileNumbers:
-    """A model file with its numbers, and the equations for other values of these.
-
-    Args:
-        file: the model file.
-        declared: its folder, or the file itself, solved.
-        settings: settings of the engines that run it.
-    """
+    """A model file with its numbers, and the equations for other values of these."""
 
     def __init__(self, file: Path, declared: PreparedTree, settings: Mapping[str, object]) -> None:
         self._file, self._declared, self._settings = file, declared, settings
@@ -132,12 +126,7 @@ class _FileNumbers:
         return target
 
     def _check_same(self, target: PreparedTree, apart: Array) -> None:
-        """Raise a RobotError if the file's equations are not the declared ones.
-
-        Args:
-            target: the file's equations.
-            apart: relative difference of the ends beyond their bounds, (2n,).
-        """
+        """Raise a RobotError if the file's equations are not the declared ones."""
         worst = int(np.argmax(apart))
         if apart[worst] > RESOLUTION:
             raise RobotError(

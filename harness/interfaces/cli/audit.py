@@ -162,14 +162,7 @@ def fix(model_audits: Iterable[ModelAudit]) -> bool:
 
 
 def _print(console: Console, models: Sequence[ModelAudit], codes: list[str], details: bool) -> int:
-    """Print an audit shared by several engines, and note its message codes.
-
-    Args:
-        details: whether to list all advice.
-
-    Returns:
-        The exit code.
-    """
+    """Print an audit shared by several engines, and note its message codes."""
     model = models[0]
     name = structs.replace(model.id, engine=", ".join(one.id.engine for one in models))
     print_status_lines(console, wrapped(str(name), console.width))

@@ -183,7 +183,9 @@ def accept_main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     console = terminal()
-    lines = accepted_lines(done.cases, done.files, console.width, with_cases=options.verbose)
+    lines = accepted_lines(
+        result, done.cases, done.files, console.width, with_cases=options.verbose
+    )
     print_status_lines(console, lines)
     for case in done.unchanged:
         print(f"crosscheck: {case} is unchanged: its engine is not installed", file=sys.stderr)

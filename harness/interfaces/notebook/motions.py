@@ -128,13 +128,7 @@ CONTENT = "(content)"
 
 @dataclass(frozen=True, kw_only=True)
 class _Source:
-    """A mechanism that was read.
-
-    Attributes:
-        declaration: energies or bodies.
-        robot: the robot file; None for a folder.
-        reads: states of the files that were read, by name relative to the folder.
-    """
+    """A mechanism that was read."""
 
     declaration: System | TreeSystem
     robot: Robot | None

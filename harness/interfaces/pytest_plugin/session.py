@@ -258,9 +258,8 @@ class Accepting:
         except AcceptError as error:
             self.lines = (f"crosscheck: {error}",)
             return False
-        self.lines = tuple(
-            accepted_lines(done.cases, done.files, terminal().width, with_cases=True)
-        )
+        width = terminal().width
+        self.lines = tuple(accepted_lines(result, done.cases, done.files, width, with_cases=True))
         return True
 
 

@@ -32,14 +32,7 @@ from .read import law_model, tree_of
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Compiled:
-    """A compiled file.
-
-    Attributes:
-        read_tree: returns the tree of its bodies, or None.
-        read_laws: returns its laws, or None.
-        same_laws: whether laws with their paths are as in the original.
-        moved_shapes: number of shapes unlike those of the original; -1 if these are others.
-    """
+    """A compiled file."""
 
     read_tree: Callable[[], Tree | None]
     read_laws: Callable[[], LawModel | None]

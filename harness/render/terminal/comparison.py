@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -115,19 +116,26 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
 
 
 def _folded_rows(
-    rows: Sequence[ComparedProperty], others: Sequence[str] = (), *, is_short: bool = False
+    rows: Sequence[ComparedProperty],
+    others: Sequence[str] = (),
+    last: Sequence[ComparedProperty] = (),
+    *,
+    is_short: bool = False,
 ) -> list[str]:
-    """Return a line per difference, then other lines; equal and minor ones share a line."""
-    minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
-    alike: dict[str, list[str]] = {}
-    for row in rows:
-        if row in minor:
-            continue
-        named = rf"\b(joint|link|shape) {re.escape(row.about)}: " if row.about else "$^"
-        key = re.sub(named, r"{} \1s: ", row.message.replace("{", "{{").replace("}", "}}"), count=1)
-        alike.setdefault(key, []).append(_where(row, is_short) + row.message)
-    lines = [own[0] if len(own) == 1 else key.format(len(own)) for key, own in alike.items()]
-    lines += others
+    """Return a line per difference, with others between; equal and minor ones share a line."""
+    minor = [row for row in [*rows, *last][1:] if 0 < (row.relative or 0.0) < MINOR]
+    lines: list[str] = []
+    for group, after in ((rows, others), (last, ())):
+        alike: dict[str, list[str]] = {}
+        for row in group:
+            if row in minor:
+                continue
+            named = rf"\b(joint|link|shape) {re.escape(row.about)}: " if row.about else "$^"
+            text = row.message.replace("{", "{{").replace("}", "}}")
+            key = re.sub(named, r"{} \1s: ", text, count=1)
+            alike.setdefault(key, []).append(_where(row, is_short) + row.message)
+        lines += [own[0] if len(own) == 1 else key.format(len(own)) for key, own in alike.items()]
+        lines += after
     if minor:
         lines.append(minor_line(len(minor)).strip())
     return lines
@@ -256,7 +264,7 @@ def _print_stated(
     moving = [one for one in compared.properties if one.moves]
     others = [one for one in compared.properties if not one.moves]
     laws = law_lines(compared.laws or (), is_short=True)
-    lines = _folded_rows(moving, [*laws, *_folded_rows(others, is_short=True)], is_short=True)
+    lines = _folded_rows(moving, laws, others, is_short=True)
     if len(lines) > 1:
         console.print("lost or changed from A to B, by the files")
         for line in lines[:MAX_BRIEF]:
@@ -265,7 +273,7 @@ def _print_stated(
             console.print(f"  and {len(lines) - MAX_BRIEF} more; --details lists them")
     if fix:
         print_text(console, fix)
-    if len(lines) <= 1 and compared.decisive is None:
+    if len(lines) <= 1 and compared.decisive is None and not (fix and is_explained(compared)):
         if not lines:
             _print_terms(console, comparison, compared)
         _print_differences(console, comparison.outcome, _without_laws(compared))
@@ -411,7 +419,8 @@ def verdict_sentences(
         if compared.rounding is None:
             return f"{move}: difference {size}", "", []
         is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
-        digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
+        digits = f"rounding to {int(math.log10(5.0 / compared.rounding))} digits"
+        digits = "equal to 7 digits, the format's" if is_usd else digits
         rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
         return f"{both}: {rounded}; motions differ by {size}", "", []
     if compared.decisive is not None:

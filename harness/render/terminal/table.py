@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from physics_crosscheck.harness.engines.registry import absent_extras, engines_reading
 from physics_crosscheck.harness.records.base import Number
 from physics_crosscheck.harness.records.case import Case, EventTime, Stepping, WholeStep
 from physics_crosscheck.harness.records.diff import Diff, Status
@@ -477,6 +478,9 @@ def _event_text(event: EventTime) -> str:
     return f"{event.part}, {event.change} at {event.time:.6g} s: {seen}"
 
 
+FORMLESS = "contacts without a closed form"
+"""End of the note on contacts that only two engines can judge."""
+
 LEAST_CREEP = 1e-3
 """Speed of a contact that sticks above which it creeps, m/s."""
 
@@ -544,7 +548,11 @@ def _not_compared(alike: Sequence[tuple[WholeStep, Case]]) -> Iterator[str]:
         for part in step.omitted:
             parts.setdefault(part, []).append(case.engine)
     for part, names in parts.items():
-        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}"
+        by_name = engines_reading(Path(alike[0][1].model).suffix)
+        others = [one.name for one in by_name if one.on_request and part.endswith(FORMLESS)]
+        others = [x for x in others if x not in {*absent_extras(), *(c.engine for _, c in alike)}]
+        more = f"; --engine {names[0]} --engine {others[0]} compares the contacts" if others else ""
+        yield f"not compared in {', '.join(dict.fromkeys(names))}: {part}{more}"
 
 
 def _why_not_compared(step: WholeStep) -> str:
@@ -559,7 +567,10 @@ def time_step_lines(cases: Iterable[Case]) -> list[str]:
     errors = list[tuple[float, Case]]()
     for case in cases:
         if (step := case.time_step) is not None:
-            steps.setdefault(step_words(step), []).append(case.engine)
+            run, text = case.full_run, step_words(step)
+            if run is not None and run.global_error is not None:
+                text += f"; {percent(run.global_error)} in the full run"
+            steps.setdefault(text, []).append(case.engine)
             errors.append((math.inf if step.error is None else step.error, case))
     if len({(case.folder, case.model) for _, case in errors}) > 1:
         coarse = sum(error > OFF for error, _ in errors)

@@ -24,17 +24,7 @@ Edits = tuple[tuple[str, str, str], ...]
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake.
-
-    Attributes:
-        name: what the user did.
-        system: the built-in folder.
-        model: model file.
-        engine: the engine that runs the model.
-        edits: (file, old text, new text); each old text occurs, and is replaced everywhere.
-        causes: phrases of causes; any of them is correct.
-        needs: edits before the mistake; with them alone the model is correct.
-    """
+    """One mistake."""
 
     name: str
     system: str

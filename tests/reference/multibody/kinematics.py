@@ -28,14 +28,7 @@ class Rate(Protocol):
 
 
 def by_virtual_power(robot: Tree, q: Array, v: Array, power: Callable[[Poses, Rate], Any]) -> Array:
-    """Return generalized forces: the gradient of their power in the virtual velocities, (nv,).
-
-    Args:
-        robot: the tree.
-        q, v: its state.
-        power: the power of the forces, from the links' poses and a function that returns true and
-            virtual rates of a matrix of these; forces depend on true rates only.
-    """
+    """Return generalized forces: the gradient of their power in the virtual velocities, (nv,)."""
     position, rate = casadi.SX.sym("q", robot.nq), casadi.SX.sym("v", robot.nv)
     virtual = casadi.SX.sym("w", robot.nv)
     columns = np.array([[position[i]] for i in range(robot.nq)], dtype=object)

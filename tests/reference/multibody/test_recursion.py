@@ -22,12 +22,7 @@ DIGITS = objects(mpmath.sin, mpmath.cos, mpmath.mpf)
 
 
 def by_lagrange(robot: Tree, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the mass matrix and force of Lagrange's equations in q, projected to v.
-
-    Only the kinematics enter: velocities of bodies are derivatives of their positions. With
-    dq/dt = N(q) v the equations in q, whose quaternions are held at length one by forces along
-    themselves, are N^T (d/dt dT/dq' - dT/dq + dV/dq) = forces, which those do not enter.
-    """
+    """Return the mass matrix and force of Lagrange's equations in q, projected to v."""
     position, rate = casadi.SX.sym("q", robot.nq), casadi.SX.sym("r", robot.nq)
     columns = np.array([[position[i]] for i in range(robot.nq)], dtype=object)
     kinetic = casadi.SX(0)
