@@ -139,7 +139,7 @@ def _tendons(builder: Any, layout: Layout, source: MjcfSource) -> Iterator[Sprin
         joints = [int(model.tendon_joint.numpy()[row]) for row in rows]
         shares = [float(model.tendon_coef.numpy()[row]) for row in rows]
         if any(len(names[j]) != 1 for j in joints):
-            raise EngineError(f"{source.path}: a tendon pulls at a joint of a body that has several")
+            raise EngineError(f"{source.path}: a tendon pulls at a joint of a body with several")
         lower, upper = map(float, model.tendon_springlength.numpy()[i])
         if lower < 0:  # the length at which the joints' own springs are relaxed
             drawn = [
