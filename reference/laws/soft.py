@@ -188,21 +188,10 @@ class Rows:
     violations: list[float] = field(default_factory=list)
 
     def add(
-        self,
-        kind: Kind,
-        row: Array,
-        softness: Softness,
-        violation: float,
-        weight: float,
-        *,
-        position: float = 0.0,
-        depth: float | None = None,
-        bias: float = 0.0,
-        bound: float = 0.0,
-        share: float = 1.0,
-        arms: Array | float = 0.0,
-        part: Part,
-    ) -> None:
+        self, kind: Kind, row: Array, softness: Softness, violation: float, weight: float, *,
+        position: float = 0.0, depth: float | None = None, bias: float = 0.0, bound: float = 0.0,
+        share: float = 1.0, arms: Array | float = 0.0, part: Part,
+    ) -> None:  # fmt: skip
         """Add a row.
 
         Args:
@@ -231,16 +220,9 @@ class Rows:
         )  # fmt: skip
 
     def add_rate(
-        self,
-        kind: Kind,
-        row: Array,
-        *,
-        softness: float = 1.0,
-        bound: float = 0.0,
-        size: float = 0.0,
-        arms: Array | float = 0.0,
-        part: Part,
-    ) -> None:
+        self, kind: Kind, row: Array, *, softness: float = 1.0, bound: float = 0.0,
+        size: float = 0.0, arms: Array | float = 0.0, part: Part,
+    ) -> None:  # fmt: skip
         """Add a row whose x is its velocity after the step, per second of it.
 
         Args:

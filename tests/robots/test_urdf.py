@@ -298,23 +298,13 @@ def test_left_out_elements_are_reported(tmp_path: Path) -> None:
     )
     assert (tree_of(robot).nv, tree_of(robot).dof) == (3, 2)
     assert left_out(robot) == {
-        "dry friction": ("j",),
-        "limits of position": ("j",),
-        "limits of effort": ("j",),
-        "mimic without a gear: the joint is free": ("m",),
-        "<transmission>": ("t",),
-        "<loop_joint>": (),
-        "collision geometry": ("base", "a"),
-        "<contact> of <link>": ("a",),
-        "<plugin> of <gazebo>": (),
-        "<turnGravityOff> of <gazebo>": ("a",),
-        "<mu1> of <gazebo>": ("a",),
-        "rpy of <axis>": ("w",),
-        "mass of <link>": ("c",),
-        "gain of <mimic>": ("m",),
-        "<shift> of <origin>": ("m",),
-        "scale of <inertial>": ("d",),
-    }
+        "dry friction": ("j",), "limits of position": ("j",), "limits of effort": ("j",),
+        "mimic without a gear: the joint is free": ("m",), "<transmission>": ("t",),
+        "<loop_joint>": (), "collision geometry": ("base", "a"), "<contact> of <link>": ("a",),
+        "<plugin> of <gazebo>": (), "<turnGravityOff> of <gazebo>": ("a",),
+        "<mu1> of <gazebo>": ("a",), "rpy of <axis>": ("w",), "mass of <link>": ("c",),
+        "gain of <mimic>": ("m",), "<shift> of <origin>": ("m",), "scale of <inertial>": ("d",),
+    }  # fmt: skip
 
 
 WHOLE = f'<robot name="r">{link("base", "")}{link("a")}{joint("j", "base", "a")}</robot>'

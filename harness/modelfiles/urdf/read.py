@@ -215,9 +215,9 @@ def _stands(file: UrdfFile) -> bool:
     """Return whether a robot with a heavy root stands on legs or wheels, or flies, as drawn.
 
     Two or more chains of moving links have shapes below all shapes of the root and the links that
-    are fixed to it. Of a mesh, only its origin counts. Or three or more moving links are propellers:
-    each is lighter than the root, on an upright hinge without limits. All others, such as a camera
-    gimbal, are together lighter than the root.
+    are fixed to it. Of a mesh, only its origin counts. Or three or more moving links are
+    propellers: each is lighter than the root, on an upright hinge without limits. All others, such
+    as a camera gimbal, are together lighter than the root.
     """
     below: dict[str, list[UrdfJoint]] = {}
     for joint in file.joints.values():
