@@ -326,8 +326,8 @@ class PybulletModel(LoadedModel):
         # Inertias of collision shapes are unrelated to the file's.
         uses_file_inertias = self._setting("inertia_from_file")
         floats = bool(self._setting("floating"))
-        held = held_inertias(self._body, base=floats) if uses_file_inertias else {}
-        self._lost = lost_inertias(robot, held)
+        loaded = held_inertias(self._body, base=floats) if uses_file_inertias else {}
+        self._lost = lost_inertias(robot, loaded)
         self._long = {} if self._setting("unit_axes") else long_axes(robot)
         self._scales = scaled_inertias(robot) if self._setting("scaled_inertias") else []
         self._joints, self._joint_names, balls = self._moving_joints()
