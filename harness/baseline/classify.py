@@ -199,35 +199,22 @@ def entry_of(
     robot = measured if measured and measured.integrator else None
     return summarized(
         AcceptedCase(
-            system=case_id.system,
-            model=case_id.model,
-            scenario=case_id.scenario,
-            engine=case_id.engine,
-            summary="",
-            reason="",
-            outcome=case.outcome,
+            system=case_id.system, model=case_id.model, scenario=case_id.scenario,
+            engine=case_id.engine, summary="", reason="", outcome=case.outcome,
             outcome_reason=case.reason.replace(f"{case.folder}: ", f"{case.model}: "),
-            discrepancy=numbers.discrepancy,
-            uncertainty=numbers.uncertainty,
-            component=numbers.component,
-            constants=measured.constants if measured else {},
-            global_error=numbers.global_error,
-            global_order=full_run.order if full_run else None,
+            discrepancy=numbers.discrepancy, uncertainty=numbers.uncertainty,
+            component=numbers.component, constants=measured.constants if measured else {},
+            global_error=numbers.global_error, global_order=full_run.order if full_run else None,
             time_step=robot.time_step if robot else numbers.time_step,
-            integrator=robot.integrator if robot else numbers.integrator,
-            order=numbers.order,
-            claimed_order=numbers.claimed_order,
-            engine_version=now.engine_version,
-            resolution=now.resolution,
-            numerics=now.numerics,
-            files=dict(now.files),
+            integrator=robot.integrator if robot else numbers.integrator, order=numbers.order,
+            claimed_order=numbers.claimed_order, engine_version=now.engine_version,
+            resolution=now.resolution, numerics=now.numerics, files=dict(now.files),
             snapshot=snapshot_key(measured.snapshot) if measured else "",
             end=measured.end if measured else (),
             end_uncertainty=measured.uncertainty if measured else (),
-            steps=(robot and robot.steps) or msgspec.UNSET,
-            content=content,
+            steps=(robot and robot.steps) or msgspec.UNSET, content=content,
         )
-    )
+    )  # fmt: skip
 
 
 def summarized(entry: AcceptedCase) -> AcceptedCase:

@@ -52,8 +52,8 @@ LONG, SHORT = 600, 40
 DEEPEST = 0.02
 """Largest violation of a limit, as a share of its range."""
 
-NEWTON_STEPS, LARGEST_STEP = 10, 0.3
-"""Iterations that put a tendon or an equality at a violation, and the largest one, rad or m."""
+NEWTON_STEPS, LARGEST_STEP, SMALLEST_STEP = 10, 0.3, 1e-12
+"""Iterations that put a tendon or an equality at a violation; the largest and the last one, rad."""
 
 MAX_OUTWARD = 50.0
 """Half of the largest speed of a joint beyond its limit, rad/s or m/s."""
@@ -290,6 +290,8 @@ def _moved_to(
         largest = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
         by = -min(1.0, LARGEST_STEP / largest) * moved
         state = _moved_by(comparison, state, by, np.zeros(len(by)))
+        if largest < SMALLEST_STEP:
+            break
     return state
 
 

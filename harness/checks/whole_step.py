@@ -349,26 +349,14 @@ def _check(
     contacts = check_contacts(touching, comparison, evaluated)
     postures, touches = shared_contacts(touching, comparison)
     check = WholeStepCheck.compared(
-        judged,
-        resolution,
-        _acted(rows),
-        component=comparison.components[judged.component],
-        states=len(rows),
-        unresolved=len(evaluated) - len(rows),
-        step=number(model.step),
-        next_state=comparison.laws.has_next_state,
-        edits=model.edits,
-        covered=covered,
-        inactive=inactive,
-        uncovered=model.uncovered,
-        acting=_shown(comparison, rows, judged),
-        contacts=contacts.judged,
-        contact_faults=tuple(one.sentence for one in contacts.faults),
+        judged, resolution, _acted(rows), component=comparison.components[judged.component],
+        states=len(rows), unresolved=len(evaluated) - len(rows), step=number(model.step),
+        next_state=comparison.laws.has_next_state, edits=model.edits, covered=covered,
+        inactive=inactive, uncovered=model.uncovered, acting=_shown(comparison, rows, judged),
+        contacts=contacts.judged, contact_faults=tuple(one.sentence for one in contacts.faults),
         unjudged=tuple(f"{count} {what}" for what, count in contacts.unjudged.items()),
-        contact_counts=contacts.counts,
-        postures=postures,
-        touches=touches,
-    )
+        contact_counts=contacts.counts, postures=postures, touches=touches,
+    )  # fmt: skip
     return replace(check, contacts=contacts.faults)
 
 

@@ -27,7 +27,7 @@ from physics_crosscheck.reference.mechanism.laws import (
 from physics_crosscheck.reference.mechanism.numeric import Array
 from physics_crosscheck.reference.mechanism.rotations import from_quaternion, to_quaternion
 from .mechanics import LawTree, Posture
-from .soft import SMALLEST, WITHIN, Cone, Kind, Part, Rows
+from .soft import SMALLEST, WITHIN, Kind, Part, Rows
 
 
 def mixed_friction(mixing: Mixing, first: float, other: float) -> float:
@@ -337,32 +337,32 @@ class _ContactRows:
     weight: float
     part: Part
 
-    def add(self, kind: Kind, row: Array, weight: float) -> None:
+    def add(self, kind: Kind, row: Array, weight: float, share: float = 1.0) -> None:
         """Add a row that resists the violation."""
         self.rows.add(
             kind, row, self.parameters.softness, self.violation, weight,
-            position=self.position, arms=self.arms, part=self.part,
+            position=self.position, share=share, arms=self.arms, part=self.part,
         )  # fmt: skip
 
     def add_pyramid(self, friction: Array, ratio: float) -> None:
         """Add two edges for each direction of friction."""
         slope = float(friction[0]) ** 2
-        weight = 2 * slope / ratio * (1 + slope) * self.weight
+        weight, share = (1 + slope) * self.weight, 2 * slope / ratio
         for row, mu in zip(self.jacobian[1:], friction, strict=True):
             for edge in (mu * row, -mu * row):
-                self.add(Kind.ONE_SIDED, self.jacobian[0] + edge, weight)
+                self.add(Kind.ONE_SIDED, self.jacobian[0] + edge, weight, share)
 
     def add_cone(self, friction: Array, ratio: float) -> None:
         """Add a normal row, and one for each direction of friction."""
         slope = float(friction[0] / np.sqrt(ratio))
-        self.rows.blocks.append(Cone(len(self.rows.kinds), slope, friction))
+        self.rows.cones.append((len(self.rows.kinds), slope, friction))
         self.add(Kind.BLOCK, self.jacobian[0], self.weight)
         softness, sliding = self.parameters.softness, self.parameters.sliding
         softness = replace(softness, reference=sliding) if any(sliding) else softness
         for row, mu in zip(self.jacobian[1:], friction, strict=True):
-            weight = self.weight / ratio * float(friction[0] / mu) ** 2
-            self.rows.add(Kind.BLOCK, row, softness, 0.0, weight, depth=self.violation,
-                          arms=self.arms, part=self.part)  # fmt: skip
+            share = float(friction[0] / mu) ** 2 / ratio
+            self.rows.add(Kind.BLOCK, row, softness, 0.0, self.weight, depth=self.violation,
+                          share=share, arms=self.arms, part=self.part)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physics_crosscheck.reference.mechanism.laws import (
     CompliantSurface,
@@ -70,15 +71,15 @@ class CompliantPoint(NamedTuple):
     slow: float
 
     @property
-    def rows(self) -> slice:
-        """Its rows, the normal one first."""
-        return slice(self.start, self.start + 3)
+    def rows(self) -> NDArray[np.int_]:
+        """Its rows, the normal one first, (1, 3)."""
+        return self.start + np.arange(3)[None]
 
     def force(self, x: Array, _softness: Array) -> tuple[Array, Array]:
-        """Return the forces of the rows, and minus their slope by x, as in `RowBlock.force`."""
+        """Return the forces, and minus their slopes by x, as in `RowBlock.force`."""
         h, k, d = self.step, self.stiffness, self.dissipation
         force, slope = np.zeros(3), np.zeros((3, 3))
-        normal, slip = h * x[0], h * x[1:]
+        normal, slip = h * x[0, 0], h * x[0, 1:]
         pressed, damped = self.elastic - h * k * normal, 1 - d * normal
         if pressed > 0 and damped > 0:
             force[0], slope[0, 0] = pressed * damped, h * (h * k * damped + d * pressed)
@@ -86,7 +87,7 @@ class CompliantPoint(NamedTuple):
         along = slip / size
         force[1:] = -self.sliding * along
         slope[1:, 1:] = h * self.sliding / size * (np.eye(2) - np.outer(along, along))
-        return force, slope
+        return force[None], slope[None]
 
 
 def mix_compliant(

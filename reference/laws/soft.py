@@ -7,6 +7,7 @@ constraints (ICRA 2014); MuJoCo's documentation, Computation, chapters Constrain
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import NamedTuple, Protocol
@@ -110,48 +111,52 @@ class Part(NamedTuple):
 
 
 class RowBlock(Protocol):
-    """Rows whose forces depend on each other."""
+    """Rows whose forces depend on each other: n blocks of k rows."""
 
     @property
-    def rows(self) -> slice:
-        """Its rows, the normal one first."""
+    def rows(self) -> NDArray[np.int_]:
+        """Its rows, the normal ones first, (n, k)."""
 
     def force(self, x: Array, softness: Array) -> tuple[Array, Array]:
-        """Return the forces of k rows, (k,), and minus their slope by x = J a - aref, (k, k).
+        """Return the forces, (n, k), and minus their slopes by x = J a - aref, (n, k, k).
 
         Args:
-            x, softness: of the rows, (k,).
+            x, softness: of the rows, (n, k).
         """
 
 
 class Cone(NamedTuple):
-    """An elliptic friction cone: its rows begin at `start`; `slope` is its regularized friction."""
+    """Elliptic friction cones: their rows begin at `start`; `slope` is the regularized friction."""
 
-    start: int
-    slope: float
+    start: NDArray[np.int_]
+    slope: Array
     friction: Array
 
     @property
-    def rows(self) -> slice:
-        """Its rows, the normal one first."""
-        return slice(self.start, self.start + 1 + len(self.friction))
+    def rows(self) -> NDArray[np.int_]:
+        """Its rows, the normal ones first, (n, k)."""
+        return self.start[:, None] + np.arange(1 + self.friction.shape[1])
 
     def force(self, x: Array, softness: Array) -> tuple[Array, Array]:
-        """Return the forces of the rows, and minus their slope by x, as in `RowBlock.force`."""
-        mu, scale = self.slope, np.concatenate([[self.slope], self.friction])
-        normal, across = x[0] * mu, x[1:] * self.friction
-        size = float(np.linalg.norm(across))
-        count = len(x)
-        if normal >= mu * size:
-            return np.zeros(count), np.zeros((count, count))
-        if mu * normal + size <= 0:
-            return -x / softness, np.diag(1 / softness)
-        stiffness = 1 / (softness[0] * mu**2 * (1 + mu**2))
+        """Return the forces, and minus their slopes by x, as in `RowBlock.force`."""
+        mu = self.slope[:, None]
+        normal, across = x[:, :1] * mu, x[:, 1:] * self.friction
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        free, sticks = (normal >= mu * size)[:, 0], (mu * normal + size <= 0)[:, 0]
+        size[free | sticks] = 1.0  # neither slides
+        stiffness = 1 / (softness[:, :1] * mu**2 * (1 + mu**2))
         outside, along = normal - mu * size, across / size
-        slope = np.concatenate([[1.0], -mu * along])
-        curvature = np.outer(slope, slope)
-        curvature[1:, 1:] -= outside * mu / size * (np.eye(count - 1) - np.outer(along, along))
-        return -stiffness * outside * slope * scale, stiffness * curvature * np.outer(scale, scale)
+        slope = np.concatenate([np.ones_like(mu), -mu * along], axis=1)
+        curvature = slope[:, :, None] * slope[:, None]
+        isotropic = np.eye(across.shape[1]) - along[:, :, None] * along[:, None]
+        curvature[:, 1:, 1:] -= (outside * mu / size)[:, None] * isotropic
+        scale = np.concatenate([mu, self.friction], axis=1)
+        force = -stiffness * outside * slope * scale
+        slopes = stiffness[:, None] * curvature * scale[:, :, None] * scale[:, None]
+        force[free], slopes[free] = 0.0, 0.0
+        force[sticks] = -x[sticks] / softness[sticks]
+        slopes[sticks] = np.eye(x.shape[1]) / softness[sticks][:, None]
+        return force, slopes
 
 
 @dataclass(kw_only=True)
@@ -177,25 +182,16 @@ class Rows:
     bounds: list[float] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
     blocks: list[RowBlock] = field(default_factory=list)
+    cones: list[tuple[int, float, Array]] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     arms: list[Array] = field(default_factory=list)
     violations: list[float] = field(default_factory=list)
 
     def add(
-        self,
-        kind: Kind,
-        row: Array,
-        softness: Softness,
-        violation: float,
-        weight: float,
-        *,
-        position: float = 0.0,
-        depth: float | None = None,
-        bias: float = 0.0,
-        bound: float = 0.0,
-        arms: Array | float = 0.0,
-        part: Part,
-    ) -> None:
+        self, kind: Kind, row: Array, softness: Softness, violation: float, weight: float, *,
+        position: float = 0.0, depth: float | None = None, bias: float = 0.0, bound: float = 0.0,
+        share: float = 1.0, arms: Array | float = 0.0, part: Part,
+    ) -> None:  # fmt: skip
         """Add a row.
 
         Args:
@@ -208,6 +204,7 @@ class Rows:
             depth: violation that determines the impedance; None for r itself.
             bias: J-dot v.
             bound: of a friction force.
+            share: factor of R, after its lower bound.
             arms: magnitudes of the positions whose differences are arms in the row, (nv,).
             part: of the laws that the row belongs to.
         """
@@ -218,21 +215,14 @@ class Rows:
         size = b * float(np.abs(row) @ np.abs(self.velocities)) + abs(bias)
         self._append(
             kind, row, reference=-b * rate - k * d * violation - bias,
-            softness=max(SMALLEST, (1 - d) / d * weight),
+            softness=share * max(SMALLEST, (1 - d) / d * weight),
             size=size + k * d * (abs(violation) + position), bound=bound, arms=arms, part=part,
         )  # fmt: skip
 
     def add_rate(
-        self,
-        kind: Kind,
-        row: Array,
-        *,
-        softness: float = 1.0,
-        bound: float = 0.0,
-        size: float = 0.0,
-        arms: Array | float = 0.0,
-        part: Part,
-    ) -> None:
+        self, kind: Kind, row: Array, *, softness: float = 1.0, bound: float = 0.0,
+        size: float = 0.0, arms: Array | float = 0.0, part: Part,
+    ) -> None:  # fmt: skip
         """Add a row whose x is its velocity after the step, per second of it.
 
         Args:
@@ -259,6 +249,12 @@ class Rows:
         self.arms.append(arms + np.zeros_like(row))
         self.parts.append(part)
 
+    def _cones(self) -> Iterator[Cone]:
+        """Yield the cones of each number of rows."""
+        for count in sorted({len(friction) for *_, friction in self.cones}):
+            cones = zip(*(cone for cone in self.cones if len(cone[2]) == count), strict=True)
+            yield Cone(*map(np.array, cones))
+
     def problem(self, mass: Array, free: Array) -> Problem:
         """Return the problem of these rows; arguments as its attributes."""
         return Problem(
@@ -271,7 +267,7 @@ class Rows:
             kinds=np.array([kind.value for kind in self.kinds], dtype=int),
             bounds=np.array(self.bounds),
             sizes=np.array(self.sizes),
-            blocks=tuple(self.blocks),
+            blocks=(*self.blocks, *self._cones()),
         )
 
 
@@ -318,7 +314,8 @@ class Problem:
         slope = np.diag(active / self.softness)
         for block in self.blocks:
             rows = block.rows
-            force[rows], slope[rows, rows] = block.force(x[rows], self.softness[rows])
+            force[rows], slopes = block.force(x[rows], self.softness[rows])
+            slope[rows[:, :, None], rows[:, None]] = slopes
         return force, slope
 
     def gradient(self, a: Array) -> Array:

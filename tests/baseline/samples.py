@@ -44,33 +44,15 @@ SNAPSHOT = Snapshot(
 
 ENTRY = summarized(
     AcceptedCase(
-        system=SYSTEM,
-        model="m.xml",
-        scenario="free",
-        engine="e",
-        summary="",
-        reason="first baseline",
-        outcome=Outcome.AGREES,
-        outcome_reason="",
-        discrepancy=5e-14,
-        uncertainty=1e-12,
-        component="x_dot",
-        constants={"k": Identified(value=47.0, standard_error=1e-9)},
-        global_error=0.005,
-        global_order=1.0,
-        time_step=0.002,
-        integrator="euler",
-        order=1.0,
-        claimed_order=1,
-        engine_version="e 1.0",
-        resolution=1e-9,
-        numerics=NUMERICS,
-        files=FILES,
-        snapshot=snapshot_key(SNAPSHOT),
-        end=ENDS,
-        end_uncertainty=UNCERTAIN,
+        system=SYSTEM, model="m.xml", scenario="free", engine="e", summary="",
+        reason="first baseline", outcome=Outcome.AGREES, outcome_reason="", discrepancy=5e-14,
+        uncertainty=1e-12, component="x_dot",
+        constants={"k": Identified(value=47.0, standard_error=1e-9)}, global_error=0.005,
+        global_order=1.0, time_step=0.002, integrator="euler", order=1.0, claimed_order=1,
+        engine_version="e 1.0", resolution=1e-9, numerics=NUMERICS, files=FILES,
+        snapshot=snapshot_key(SNAPSHOT), end=ENDS, end_uncertainty=UNCERTAIN,
     )
-)
+)  # fmt: skip
 
 DECLARED = AcceptedDeclaration(
     system=SYSTEM,

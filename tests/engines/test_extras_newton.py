@@ -142,6 +142,21 @@ def test_features_that_are_not_added_are_rejected(extra: str, why: str, tmp_path
         mjcf(tmp_path, f"<body>{HINGE.format('')}{INERTIAL}</body>", extra)
 
 
+def test_springs_dampers_and_drives_that_the_file_disables_do_not_act(tmp_path: Path) -> None:
+    pulls = 'stiffness="3" damping="0.4"'
+    body = f"<body>{HINGE.format(pulls)}{INERTIAL}</body>"
+    ball = f'<body><joint type="ball" {pulls}/>{INERTIAL}</body>'
+    flags = '<option><flag spring="disable" damper="disable" actuation="disable"/></option>'
+    drive = f'<actuator><motor joint="j"/></actuator><tendon><fixed {pulls}><joint joint="j" '
+    model = mjcf(tmp_path, body + ball, f'{flags}{drive}coef="1"/></fixed></tendon>')
+    start = np.full((1, len(model.coordinates)), 0.1)
+    z, _ = model.rollout(start, 0 * start, 1e-3, 100, None, 100)
+    free, _ = mjcf(tmp_path, (body + ball).replace(pulls, "")).rollout(
+        start, 0 * start, 1e-3, 100, None, 100
+    )
+    assert z == pytest.approx(free, abs=1e-6)
+
+
 @pytest.mark.parametrize("joint", ['<freejoint name="f"/>', '<joint name="f" type="ball"/>'])
 def test_free_and_ball_joints_match_mujoco(joint: str, tmp_path: Path) -> None:
     """Compare velocities, forces and rotations in the same coordinates."""

@@ -134,12 +134,15 @@ def test_precision_excuses_no_other_difference(
 
 
 @pytest.mark.parametrize(("options", "code"), [
-    ((), 0), (("--strict",), 1), (("--resolution", "1e-9"), 1),
+    ((), 0), (("--strict",), 1), (("--resolution", "1e-9"), 1), (("--floating",), 0),
 ])  # fmt: skip
 def test_run_accepts_the_engines_own_precision_unless_it_is_strict(
     options: tuple[str, ...], code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    off = URDF.replace('0.011" ixz="-0.007" iyz="0.005"', '3e-5" ixz="1e-5" iyz="1.5e-7"')
+    none = 'ixy="0" ixz="0" iyz="0"'
+    split = str.split if "--floating" in options else str.rsplit  # of the root, or of the body
+    parts = split(URDF.replace('ixy="0.011" ixz="-0.007" iyz="0.005"', none), none, 1)
+    off = 'ixy="3e-5" ixz="1e-5" iyz="1.5e-7"'.join(parts)
     (tmp_path / "body.urdf").write_text(off)
     words = ["run", str(tmp_path / "body.urdf"), "--engine", "pybullet", *options]
     assert main([*words, "--out", str(tmp_path / "out")]) == code

@@ -105,6 +105,19 @@ RIGHT = {
 }
 
 
+CENTERED = """<mujoco><option integrator="Euler" cone="elliptic" impratio="10"/><worldbody>
+<geom type="box" size="1 1 .1" pos="0 0 -.1"/><body pos="0 0 .05"><joint axis="3 2 6"/>
+<geom type="box" size=".1 .12 .06" mass="1"/></body></worldbody></mujoco>"""
+
+
+@use_few_states
+def test_contacts_of_a_body_that_turns_about_its_center_follow_their_law(tmp_path: Path) -> None:
+    """Catch the ratio of friction before the lower bound of R: no force moves the center."""
+    judgement = checked(tmp_path, CENTERED).judgement
+    assert judgement is not None
+    assert judgement.largest_discrepancy < 1e-11
+
+
 @use_few_states
 @pytest.mark.parametrize("name", RIGHT)
 def test_right_file_agrees(tmp_path: Path, name: str) -> None:

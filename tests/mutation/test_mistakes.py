@@ -191,25 +191,13 @@ def test_every_family_is_used_and_its_mistakes_are_unique() -> None:
         assert all(m.causes or m.sound or m.audit_words for m in mistakes)
         names |= {m.name for m in mistakes}
     assert names >= {
-        "axis flipped",
-        "base moved",
-        "plane of motion turned",
-        "gravity 9.8",
-        "gravity off",
-        "gravity along x",
-        "two constants exchanged",
-        "a rest offset",
-        "springlength left at -1",
-        "friction left in",
-        "armature left in",
-        "soft equality, solref left out",
-        "PyBullet's damping left on",
-        "PyBullet's motors left on",
-        "PyBullet's inertia flag forgotten",
-        "Space.damping left in",
-        "another time step",
+        "axis flipped", "base moved", "plane of motion turned", "gravity 9.8", "gravity off",
+        "gravity along x", "two constants exchanged", "a rest offset", "springlength left at -1",
+        "friction left in", "armature left in", "soft equality, solref left out",
+        "PyBullet's damping left on", "PyBullet's motors left on",
+        "PyBullet's inertia flag forgotten", "Space.damping left in", "another time step",
         "another integrator",
-    }
+    }  # fmt: skip
 
 
 def test_wrong_setting_is_kept_in_copies_with_other_literals(tmp_path: Path) -> None:

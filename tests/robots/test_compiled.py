@@ -305,6 +305,8 @@ def test_agreement_on_compiled_inertias_has_a_reservation(tmp_path: Path) -> Non
      "unrecognized attribute: 'apirate'"),
     ({"</mujoco>": '<sensor><touch site="s"/></sensor></mujoco>'}, "unrecognized name 's' of sens"),
     ({"</mujoco>": '<keyframe><key qpos="0 1"/></keyframe></mujoco>'}, "invalid qpos size"),
+    ({"<geom": "<geom material='x'"}, "material 'x' not found"),
+    ({"<asset>": "<asset><material name='a' texture='x'/>"}, "texture 'x' not found"),
 ])  # fmt: skip
 def test_part_that_only_mujoco_refuses_leaves_the_verdicts_of_other_engines(
     tmp_path: Path, changes: dict[str, str], reason: str

@@ -189,16 +189,20 @@ def test_root_is_free_on_legs_or_wheels(
     assert not read(tmp_path, *lines, floating=False).floats
 
 
-@pytest.mark.parametrize(
-    ("kind", "axis", "free"),
-    [("continuous", "0 0 1", True), ("continuous", "1 0 0", False), ("revolute", "0 0 1", False)],
-)
-def test_root_is_free_on_propellers(kind: str, axis: str, free: bool, tmp_path: Path) -> None:
-    """Require all moving links to be light, on upright hinges without limits."""
+@pytest.mark.parametrize(("kind", "axis", "gimbal", "free"), [
+    ("continuous", "0 0 1", 0.1, True), ("continuous", "1 0 0", 0.1, False),
+    ("revolute", "0 0 1", 0.1, False), ("continuous", "0 0 1", 2.1, False),
+])  # fmt: skip
+def test_root_is_free_on_propellers(
+    kind: str, axis: str, gimbal: float, free: bool, tmp_path: Path
+) -> None:
+    """Require light propellers, on upright hinges without limits, and a light gimbal."""
     light = BODY.replace('mass value="2"', 'mass value="0.1"')
     rest = f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
     lines = [link("base", BODY + BOX), *(link(name, light) for name in "abc")]
     lines += [joint(f"to_{name}", "base", name, rest, kind) for name in "abc"]
+    camera = BODY.replace('mass value="2"', f'mass value="{gimbal}"')
+    lines += [link("camera", camera), joint("to_camera", "base", "camera", rest, "revolute")]
     assert read(tmp_path, *lines, floating=None).floats == free
 
 
@@ -294,23 +298,13 @@ def test_left_out_elements_are_reported(tmp_path: Path) -> None:
     )
     assert (tree_of(robot).nv, tree_of(robot).dof) == (3, 2)
     assert left_out(robot) == {
-        "dry friction": ("j",),
-        "limits of position": ("j",),
-        "limits of effort": ("j",),
-        "mimic without a gear: the joint is free": ("m",),
-        "<transmission>": ("t",),
-        "<loop_joint>": (),
-        "collision geometry": ("base", "a"),
-        "<contact> of <link>": ("a",),
-        "<plugin> of <gazebo>": (),
-        "<turnGravityOff> of <gazebo>": ("a",),
-        "<mu1> of <gazebo>": ("a",),
-        "rpy of <axis>": ("w",),
-        "mass of <link>": ("c",),
-        "gain of <mimic>": ("m",),
-        "<shift> of <origin>": ("m",),
-        "scale of <inertial>": ("d",),
-    }
+        "dry friction": ("j",), "limits of position": ("j",), "limits of effort": ("j",),
+        "mimic without a gear: the joint is free": ("m",), "<transmission>": ("t",),
+        "<loop_joint>": (), "collision geometry": ("base", "a"), "<contact> of <link>": ("a",),
+        "<plugin> of <gazebo>": (), "<turnGravityOff> of <gazebo>": ("a",),
+        "<mu1> of <gazebo>": ("a",), "rpy of <axis>": ("w",), "mass of <link>": ("c",),
+        "gain of <mimic>": ("m",), "<shift> of <origin>": ("m",), "scale of <inertial>": ("d",),
+    }  # fmt: skip
 
 
 WHOLE = f'<robot name="r">{link("base", "")}{link("a")}{joint("j", "base", "a")}</robot>'

@@ -386,7 +386,11 @@ def _spec(path: Path, texts: Mapping[Path, bytes]) -> tuple[Any, Counter[str]]:
 
 
 def _compiled(tree: Any, unread: Counter[str]) -> Any:
-    """Compile a file, without sensors and keyframes if MuJoCo refuses it with them."""
+    """Compile a file without materials; without sensors and keyframes if MuJoCo refuses these."""
+    for part in (*tree.geoms, *tree.sites, *tree.tendons, *tree.meshes, *tree.skins):
+        part.material = ""
+    for material in tree.materials:
+        material.textures = [""] * len(material.textures)
     try:
         return tree.compile()
     except ValueError:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.elements import XmlElement
-from ..mjcf_source import option_remarks, read_source_mjcf
+from ..mjcf_source import MjcfSource, option_remarks, read_source_mjcf
 from ..protocol import EngineError, ModelSpec, Spring
 from ..urdf_copy import followers_of
 from .layout import Layout
@@ -39,7 +39,7 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     with collect_warnings(messages):
         builder.add_mjcf(str(spec.path), parse_visuals=False, enable_self_collisions=False)
     followers = followers_of(settings, f"{spec.path}.toml")
-    for reason in _left_out(root, followers is None):
+    for reason in _left_out(source, followers is None):
         raise EngineError(f"{spec.path}: it has {reason}, which {DROPS}")
     if settings["smooth"]:
         without_limit_forces(builder)
@@ -50,7 +50,7 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     layout = Layout(builder, _names(root, builder, spec.path), refs)
     lost: dict[str, Mapping[str, object]] = {}
     with collect_warnings(messages):
-        tendons = tuple(_tendons(builder, layout, spec.path))
+        tendons = tuple(_tendons(builder, layout, source))
         if equal_joints(builder, layout, followers, bool(settings["equalities"])):
             lost[EQUALITIES] = {"equalities": True}
     if tendons and not settings["tendons"]:
@@ -58,6 +58,10 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     corrected = correct_inertias(builder, messages) if settings["corrected_inertias"] else ()
     ignored_options = option_remarks(source, "Newton", frozenset({"timestep", "gravity"}))
     notes = {one.message: one.address or "" for one in ignored_options}
+    for flag, numbers in (("spring", builder.joint_stiffness), ("damper", builder.joint_damping)):
+        if source.disabled(flag):
+            numbers[:] = [0.0] * len(numbers)
+            notes[f"Newton ignores <flag {flag}>; the adapter applies it"] = f"option/flag@{flag}"
     return ParsedModel(
         builder=builder,
         layout=layout,
@@ -69,25 +73,26 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     )
 
 
-def _left_out(root: XmlElement, all_equalities: bool) -> Iterator[str]:
+def _left_out(source: MjcfSource, all_equalities: bool) -> Iterator[str]:
     """Yield elements with an effect in MuJoCo that neither Newton nor this adapter supports."""
-    if any(element.children for element in root.findall("actuator")):
+    root, flags = source.root, {"stiffness": "spring", "damping": "damper"}
+    pulls = [key for key, flag in flags.items() if not source.disabled(flag)]
+    drives = root.findall("actuator") if not source.disabled("actuation") else ()
+    if any(element.children for element in drives):
         yield "actuators"
     if all_equalities and {element.tag for element in root.findall("equality/*")} - {"joint"}:
         yield "equalities of other things than joints"
     for element in root.findall("tendon/spatial"):
-        if {key for key in ("stiffness", "damping") if float(element.get(key, "0").split()[0])}:
+        if any(float(element.get(key, "0").split()[0]) for key in pulls):
             yield "a tendon between sites that pulls"
     for element in root.findall("option"):
         if any(set(element.get(key, "0").split()) - {"0", "0.0"} for key in FLUID_OPTIONS):
             yield "a medium"
     if any(float(element.get("gravcomp", "0")) for element in root.iter("body")):
         yield "gravity compensation"
-    for element in root.iter("joint"):
-        if element.get("type") in ("ball", "free") and float(
-            element.get("stiffness", "0").split()[0]
-        ):
-            yield "a spring of a ball or free joint"
+    rows = [one for one in root.iter("joint") if one.get("type") in ("ball", "free")]
+    if any(float(one.get("stiffness", "0").split()[0]) for one in rows) and "stiffness" in pulls:
+        yield "a spring of a ball or free joint"
 
 
 FLUID_OPTIONS = ("density", "viscosity", "wind")
@@ -113,7 +118,7 @@ def _names(root: XmlElement, builder: Any, path: Path) -> list[list[str]]:
     return result
 
 
-def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
+def _tendons(builder: Any, layout: Layout, source: MjcfSource) -> Iterator[Spring]:
     """Yield springs and dampers of combinations of slides and hinges."""
     if "mujoco:tendon_joint" not in builder.custom_attributes or not len(
         builder.custom_attributes["mujoco:tendon_joint"].values or ()
@@ -125,7 +130,8 @@ def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
     for i, kind in enumerate(model.tendon_type.numpy()):
         first, count = (int(getattr(model, f"tendon_joint_{k}").numpy()[i]) for k in ("adr", "num"))
         k, c = (
-            float(getattr(model, f"tendon_{one}").numpy()[i]) for one in ("stiffness", "damping")
+            float(getattr(model, f"tendon_{key}").numpy()[i]) * (not source.disabled(flag))
+            for key, flag in (("stiffness", "spring"), ("damping", "damper"))
         )
         if kind or not (k or c):
             continue
@@ -133,7 +139,7 @@ def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
         joints = [int(model.tendon_joint.numpy()[row]) for row in rows]
         shares = [float(model.tendon_coef.numpy()[row]) for row in rows]
         if any(len(names[j]) != 1 for j in joints):
-            raise EngineError(f"{path}: a tendon pulls at a joint of a body that has several")
+            raise EngineError(f"{source.path}: a tendon pulls at a joint of a body with several")
         lower, upper = map(float, model.tendon_springlength.numpy()[i])
         if lower < 0:  # the length at which the joints' own springs are relaxed
             drawn = [
@@ -142,7 +148,7 @@ def _tendons(builder: Any, layout: Layout, path: Path) -> Iterator[Spring]:
             ]
             lower = upper = float(np.dot(shares, drawn))
         if upper > lower:
-            raise EngineError(f"{path}: a tendon is slack between two lengths")
+            raise EngineError(f"{source.path}: a tendon is slack between two lengths")
         named = {names[j][0]: share for j, share in zip(joints, shares, strict=True)}
         yield Spring(named, k, c, lower)
 

@@ -325,11 +325,12 @@ class PybulletModel(LoadedModel):
         self._body = self._load_file(self._changes)
         # Inertias of collision shapes are unrelated to the file's.
         uses_file_inertias = self._setting("inertia_from_file")
-        self._lost = lost_inertias(robot, held_inertias(self._body)) if uses_file_inertias else {}
+        floats = bool(self._setting("floating"))
+        loaded = held_inertias(self._body, base=floats) if uses_file_inertias else {}
+        self._lost = lost_inertias(robot, loaded)
         self._long = {} if self._setting("unit_axes") else long_axes(robot)
         self._scales = scaled_inertias(robot) if self._setting("scaled_inertias") else []
         self._joints, self._joint_names, balls = self._moving_joints()
-        floats = bool(self._setting("floating"))
         self._bare = bare_links(robot, floats=floats) if self._setting("bare_links") else []
         if floats:
             refuse_fixed_root(file, self._body)

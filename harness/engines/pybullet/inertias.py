@@ -35,7 +35,7 @@ def lost_inertias(robot: XmlElement, held: Mapping[str, SpatialInertia]) -> dict
 
     Args:
         robot: the URDF.
-        held: PyBullet's, in their links' frames, without the base.
+        held: PyBullet's, in their links' frames.
     """
     errors = {}
     for link in robot.findall("link"):

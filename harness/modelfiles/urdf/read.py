@@ -215,8 +215,9 @@ def _stands(file: UrdfFile) -> bool:
     """Return whether a robot with a heavy root stands on legs or wheels, or flies, as drawn.
 
     Two or more chains of moving links have shapes below all shapes of the root and the links that
-    are fixed to it. Of a mesh, only its origin counts. Or all moving links are propellers, three or
-    more: each is lighter than the root, on an upright hinge without limits.
+    are fixed to it. Of a mesh, only its origin counts. Or three or more moving links are
+    propellers: each is lighter than the root, on an upright hinge without limits. All others, such
+    as a camera gimbal, are together lighter than the root.
     """
     below: dict[str, list[UrdfJoint]] = {}
     for joint in file.joints.values():
@@ -237,8 +238,11 @@ def _stands(file: UrdfFile) -> bool:
             frame = Place(from_rpy(*joint.rpy), np.array(joint.origin))
             first = chain or (joint.name if joint.kind else "")
             waiting.append((joint.child, place.compose(frame), first))
-    base, moving = lowest.pop(""), [joint for joint in file.joints.values() if joint.kind]
-    if len(moving) > 2 and all(_is_propeller(file, one, places, mass) for one in moving):
+    base, moving = lowest.pop(""), file.joints.values()
+    spins = [one.child for one in moving if _is_propeller(file, one, places, mass)]
+    weights = {name: link.body.mass for name, link in file.links.items()}
+    others = sum(weights.values()) - mass - sum(map(weights.__getitem__, spins))
+    if len(spins) > 2 and others < mass:
         return True
     return mass > 0 and np.isfinite(base) and sum(low < base for low in lowest.values()) > 1
 
