@@ -57,7 +57,15 @@ from physics_crosscheck.reference.solving.segments import Segments
 from .acting import compare_acting
 from .attribution import Attribution, attributed
 from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
-from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
+from .judge import (
+    FLOAT_DIGITS,
+    Judgement,
+    Recorded,
+    explained,
+    judge,
+    judged_by_equations,
+    recorded_runs,
+)
 from .laws import compare_laws
 from .match import Match, pairs_of
 from .prepared import PreparedComparison, omission_notes, prepare
@@ -278,9 +286,6 @@ STILL = 1e-12
 
 PLACES = ("anchor", "axis")
 """Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
-
-FLOAT_DIGITS = 5e-7
-"""Largest relative rounding of numbers that USD stores in 32 bits."""
 
 SIX_DIGITS = 5e-6
 """Largest relative rounding of a number written with six digits."""
@@ -538,6 +543,8 @@ def _causes(
     if files.sides is not None:
         sides = prepared.source_first(files.sides)
         share = explained(sides, prepared.match, motions.recorded, turned.followed, turned.signs)
+        if files.moving and motions.judgement.by_equations:
+            share = 1.0, share[1] if share else (np.nan, np.nan)  # the engines' digits don't count
     by_files = files.moving and share is not None and share[0] >= MIN_EXPLAINED_SHARE
     if by_files or any(cause is not None and cause.explained for _, cause in own_files):
         return share, ()

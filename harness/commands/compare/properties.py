@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
@@ -33,7 +34,7 @@ from .alignment import (
     with_link,
 )
 from .candidate import Candidate, Facts, ask
-from .judge import weighed
+from .judge import FLOAT_DIGITS, weighed
 from .match import JointPair, joints_of, pairs_of
 from .prepared import PreparedComparison
 from .side import Difference, ModelSide, apart, lines_of, make_property, model_side, shown
@@ -113,8 +114,9 @@ def _geometry(
     name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
     if row.angle > SAME:
         sign = -1.0 if row.opposite else 1.0  # in the direction of A's
-        vectors = _vector(a.placed.axes[row.a]), _vector(sign * b.placed.axes[row.b])
-        message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
+        both = a.placed.axes[row.a], sign * b.placed.axes[row.b]
+        here, there = (_digits(one + 0.0, row.angle) for one in both)
+        message = f"axis of joint {name}: ({here}) in A, ({there}) in B, in the world"
         message += f", {row.angle:.3g} rad apart"
         across = np.cross(u, row.axis)
         motion = turned_about(point, across / np.linalg.norm(across), row.angle)
@@ -164,10 +166,6 @@ def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterat
             message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
             changed = with_link(a.tree, row.a, rest=(rest,))
             yield make_property("rest", name, message, a=link_a.rest[0], b=rest, changed=changed)
-
-
-def _vector(values: Array) -> str:
-    return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
 
 
 def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
@@ -355,7 +353,9 @@ def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
         here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
         changed = replace(a.tree, gravity=gravity_b)
         message = f"gravity: {here} in A, {there} in B"
-        yield make_property("gravity", "", message, changed=changed)
+        is_turned = bool(np.linalg.norm(np.cross(gravity_a, gravity_b)) > SAME * large**2)
+        lines = a.gravity_line(is_turned), b.gravity_line(is_turned)
+        yield make_property("gravity", "", message, lines=lines, changed=changed)
 
 
 def _ranges(
@@ -493,7 +493,8 @@ def compare_files(
         assert again is not None
         differences, _ = properties(*again, pairs)
     size = max(one.placed.size for one in sides)
-    rows = weighed(differences, sides[0], runs)
+    is_usd = any(side.file.suffix in USD_SUFFIXES for side in sides)
+    rows = weighed(differences, sides[0], runs, FLOAT_DIGITS if is_usd else 0.0)
     moving = [row for row in rows if row.moves]
     rest = [row for row in rows if not row.moves]
     placed = [

@@ -33,8 +33,8 @@ MAX_NAMES = 3
 SHARE = 0.99
 """Share of a discrepancy that makes a difference its cause."""
 
-SIX_DIGITS = 5e-6
-"""Maximum relative rounding of a number written with six digits."""
+SIX_DIGITS, FLOAT_DIGITS = 5e-6, 5e-7
+"""Maximum relative rounding of a number written with six digits, and of one in 32 bits."""
 
 MINOR = 1e-5
 """Relative difference, or effect, below which a difference is minor: one line counts them."""
@@ -204,7 +204,7 @@ def print_comparison(
         comparison: to report.
         details: whether to print what motions and edits show, and how both models ran.
     """
-    compared = comparison.compared
+    compared = _without_rounding(comparison)
     if compared is None:
         _print_failure(console, comparison)
     elif not details and _is_stated(compared):
@@ -223,6 +223,19 @@ def print_comparison(
         _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
+
+
+def _without_rounding(comparison: ComparisonResult) -> Compared | None:
+    """Return the comparison; of USD files that differ, without numbers that differ by rounding."""
+    compared = comparison.compared
+    if compared is None or compared.rounding is not None or not _is_usd(comparison):
+        return compared
+    rows = (row for row in compared.properties if not 0 < (row.relative or 0) <= FLOAT_DIGITS)
+    return replace(compared, properties=tuple(rows))
+
+
+def _is_usd(comparison: ComparisonResult) -> bool:
+    return any(Path(model.model).suffix.startswith(".usd") for model in comparison.models)
 
 
 def _is_stated(compared: Compared) -> bool:
@@ -414,7 +427,7 @@ def verdict_sentences(
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         if compared.rounding is None:
             return f"{move}: difference {size}", "", []
-        is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
+        is_usd = _is_usd(comparison)
         digits = "equal to 7 digits, the format's" if is_usd else "rounding to six digits"
         rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
         return f"{both}: {rounded}; motions differ by {size}", "", []
@@ -423,10 +436,10 @@ def verdict_sentences(
         cause, remedy = _property_cause(compared.decisive, share, names)
         return cause, remedy, [f"motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = _own_cause(comparison) or cause or comparison.reason
+    text = (own := _own_cause(comparison)) or cause or comparison.reason
     if outcome is not Outcome.DIFFERS:
         return text, "", [f"difference {size}, on {compared.component}"]
-    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
+    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 and not own else []
     motions = [f"motions differ by {size}, on {compared.component}", *several]
     return text, remedy, motions
 
