@@ -95,12 +95,17 @@ def swapped(prim: Any) -> None:
         end.SetTargets(paths)
 
 
-def gravity_in_cm(prim: Any) -> None:
-    """State gravity in cm/s^2."""
+def scene_of(prim: Any) -> UsdPhysics.Scene:
+    """Return the scene of a prim's stage, or a new one."""
     stage = prim.GetStage()
     scenes = (one for one in stage.Traverse() if one.IsA(UsdPhysics.Scene))
-    scene = next(scenes, None) or stage.DefinePrim("/scene", "PhysicsScene")
-    UsdPhysics.Scene(scene).CreateGravityMagnitudeAttr(981.0)
+    return UsdPhysics.Scene(next(scenes, None) or stage.DefinePrim("/scene", "PhysicsScene"))
+
+
+def other_up(prim: Any) -> None:
+    """State another up axis, along which gravity acts."""
+    prim.GetStage().SetMetadata("upAxis", "Y")
+    scene_of(prim).CreateGravityDirectionAttr(Gf.Vec3f(0))
 
 
 def wrong_parent(prim: Any) -> None:
@@ -162,10 +167,11 @@ JOINT: Mapping[str, Callable[[Any], None]] = {
     "conjugated localRot0": turned("physics:localRot0"), "axis": other_axis,
     "gain per radian": drive(100.0), "gain per degree": drive(1.7453293),
     "localRot0 not of unit length": written("physics:localRot0", Gf.Quatf(2, 0, 0, 0)),
-    "namespaces": namespaces, "swapped bodies": swapped, "gravity in cm": gravity_in_cm,
+    "namespaces": namespaces, "swapped bodies": swapped, "up axis": other_up,
     "damping per radian": written("newton:damping", 0.0573, Sdf.ValueTypeNames.Float),
     "armature": written("newton:armature", 0.01, Sdf.ValueTypeNames.Float),
-    "up axis": stage_value("upAxis", "Y"), "unit": stage_value("metersPerUnit", 0.01),
+    "gravity in cm": lambda prim: scene_of(prim).CreateGravityMagnitudeAttr(981.0) and None,
+    "unit": stage_value("metersPerUnit", 0.01),
     "unit of mass": stage_value("kilogramsPerUnit", 0.001),
 }  # fmt: skip
 
@@ -240,8 +246,9 @@ def main(given: Sequence[str] | None = None) -> None:
         usual: dict[str, set[str]] = {}
         for finding in advice(file):
             usual.setdefault(finding.kind, set()).update(finding.subject)
-        layer_file = file.with_name("planted.usda")
-        for kind in (one for one in (*BODY, *JOINT) if re.search(chosen.only, one)):
+        kinds = [one for one in (*BODY, *JOINT) if re.search(chosen.only, one)]
+        for number, kind in enumerate(kinds):
+            layer_file = file.with_name(f"planted_{number}.usda")
             layer_file.unlink(missing_ok=True)
             path = planted(file, kind, layer_file)
             new = [
@@ -258,7 +265,7 @@ def main(given: Sequence[str] | None = None) -> None:
                 by, invented = compared(file, layer_file, word, chosen.compare)
             cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(invented)
             print(f"| {' | '.join(cells)} |", flush=True)
-        layer_file.unlink(missing_ok=True)
+            layer_file.unlink()
     sys.stdout.flush()
 
 

@@ -190,8 +190,19 @@ def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
     zeros = ("= (0.0035, 0.003, 0.001)", "= (0, 0, 0)")
     point = usd(tmp_path, edited(zeros))
     assert any("inertias that Newton changes (lower)" in one for one in point.corrective_settings)
-    with pytest.raises(EngineError, match="converts no units"):
+    with pytest.raises(EngineError, match=r"arm.usda:4: metersPerUnit is 0.01; Newton converts no"):
         usd(tmp_path, edited(("metersPerUnit = 1", "metersPerUnit = 0.01")))
+
+
+def test_a_mimic_of_a_stage_acts_in_a_process_that_has_read_the_file(tmp_path: Path) -> None:
+    need("newton")
+    pytest.importorskip("newton_usd_schemas")
+    follows = "rel newton:mimicJoint = </arm/shoulder>\n        float newton:damping"
+    text = edited(('["NewtonJointAPI"]', '["NewtonMimicAPI"]'), ("float newton:damping", follows))
+    (tmp_path / "arm.usda").write_text(text)
+    out = tmp_path / "out"
+    words = ["run", str(tmp_path / "arm.usda"), "--engine", "newton", "--smooth", "--out", str(out)]
+    assert main(words) == 0
 
 
 def test_a_mass_below_the_precision_of_motions_differs_by_the_equations(
