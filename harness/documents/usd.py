@@ -557,9 +557,10 @@ def layer_lines(file: Path) -> dict[str, int]:
         kind, path = token.lastgroup, levels[-1]
         text = "" if kind is None else token[kind].decode(errors="replace")
         if text in ("{", "(", "["):
+            is_body = text == "{" and path is not None  # not a dictionary of metadata
             is_header = text == "(" and levels == [""] and not lines
-            levels.append("" if is_header else (pending or None) if text == "{" else None)
-            pending = "" if text == "{" else pending
+            levels.append("" if is_header else (pending or None) if is_body else None)
+            pending = "" if is_body else pending
         elif kind == "bracket":
             levels[1:] = levels[1:-1]
         elif path is not None and text:

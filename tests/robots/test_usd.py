@@ -181,7 +181,8 @@ def test_each_number_has_its_layer_prim_and_line(tmp_path: Path) -> None:
 
 def test_lines_are_those_of_variants_and_not_of_comments(tmp_path: Path) -> None:
     text = (
-        '#usda 1.0\ndef Xform "a" (\n    doc = """def "no" {\n"""\n)\n{\n    # float x = 1 {\n'
+        '#usda 1.0\ndef Xform "a" (\n    doc = """def "no" {\n""" customData = {}\n)\n{\n'
+        "    # float x = 1 {\n"
         '    string s = "}"\n    variantSet "v" = {\n        "one" {\n            float x = 2\n'
         '            def "in"\n            {\n                float y.timeSamples = {\n'
         "                    0: 1,\n                }\n            }\n        }\n    }\n"
