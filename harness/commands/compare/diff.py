@@ -18,7 +18,7 @@ from physics_crosscheck.harness.documents.elements import (
     text_span,
 )
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.reading import SourceFile, Span, apply_edits
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES, SourceFile, Span, apply_edits
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, find, read_source
 from physics_crosscheck.harness.modelfiles.locations.xml import find_words
 from physics_crosscheck.harness.records.base import SourceLine
@@ -298,6 +298,8 @@ class _Numbers(ast.NodeTransformer):
 
 def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
     """Yield differences of settings and springs, stated in the sidecars or assumed."""
+    if a.bare and b.bare and a.sidecar.model.suffix in USD_SUFFIXES:
+        return  # stages state them
     stated_a, stated_b = _stated(a), _stated(b)
     for key in dict.fromkeys([*stated_a, *stated_b]):
         old, new = stated_a.get(key), stated_b.get(key)

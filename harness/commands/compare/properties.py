@@ -355,7 +355,9 @@ def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
         message = f"gravity: {here} in A, {there} in B"
         is_turned = bool(np.linalg.norm(np.cross(gravity_a, gravity_b)) > SAME * large**2)
         lines = a.gravity_line(is_turned), b.gravity_line(is_turned)
-        yield make_property("gravity", "", message, lines=lines, changed=changed)
+        yield make_property(
+            "gravity", "", message, lines=lines, relative=apart / large, changed=changed
+        )
 
 
 def _ranges(

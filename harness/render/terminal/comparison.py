@@ -119,18 +119,18 @@ def _folded_rows(
 ) -> list[str]:
     """Return a line per difference, then other lines; equal and minor ones share a line."""
     minor = [row for row in rows[1:] if row.relative is not None and 0 < row.relative < MINOR]
-    alike: dict[tuple[str, str], list[str]] = {}
+    alike: dict[tuple[str, str], list[ComparedProperty]] = {}
     for row in rows:
         if row in minor:
             continue
-        about = f" of joint {row.about}: "
-        head, middle, tail = row.message.partition(about)
+        head, middle, tail = row.message.partition(f" of joint {row.about}: ")
         key = (head, tail) if row.about and middle else (row.message, "")
-        alike.setdefault(key, []).append(_where(row, is_short) + row.message)
+        alike.setdefault(key, []).append(row)
     lines = [
-        own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
+        _where(own[0], is_short) + (own[0].message if len(own) == 1 else
+        f"{head} of joints {listed([row.about for row in own], MAX_NAMES)}: {tail}")
         for (head, tail), own in alike.items()
-    ]
+    ]  # fmt: skip
     lines += others
     if minor:
         lines.append(minor_line(len(minor)).strip())
