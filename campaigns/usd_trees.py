@@ -287,7 +287,9 @@ def main(given: Sequence[str] | None = None) -> int:
                     settings = task.load()[0].corrective_settings.values()
                     off = {key: value for one in settings for key, value in one.items()}
                     case = run_case(task.with_settings(**off))
-                refused += case.outcome == "REFUSED"
+                if case.outcome == "REFUSED":
+                    refused += 1
+                    print(f"{index}: {case.reason}", flush=True)
                 is_right = case.outcome in ("AGREES", "REFUSED")
                 errors += [] if is_right else [f"{case.outcome}: {case.reason}"]
             if errors and chosen.keep:

@@ -40,6 +40,9 @@ from .prepared import PreparedComparison
 from .side import Difference, ModelSide, apart, lines_of, make_property, model_side, shown
 from .stated import stated_properties
 
+MAX_TURNED = 1.0
+"""Angle between two lines above which neither direction of an axis is that of the other, rad."""
+
 ROUNDING = 1e-13
 """Rounding error of a tensor transformed between frames, in units of m r^2."""
 
@@ -61,7 +64,7 @@ def properties(
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
         single = a.tree.links[row.a].kind in ("hinge", "slide")
-        if single and row.opposite != (pair.slope < 0):
+        if single and row.angle < MAX_TURNED and row.opposite != (pair.slope < 0):
             turned.append(pair.a)
         differences += _joint(a, b, row, pair, size)
         differences += _body_properties(a, b, row, size)
@@ -115,7 +118,7 @@ def _geometry(
     if row.angle > SAME:
         sign = -1.0 if row.opposite else 1.0  # in the direction of A's
         both = a.placed.axes[row.a], sign * b.placed.axes[row.b]
-        here, there = (_digits(one + 0.0, row.angle) for one in both)
+        here, there = (_digits(np.round(one, 12) + 0.0, row.angle) for one in both)
         message = f"axis of joint {name}: ({here}) in A, ({there}) in B, in the world"
         message += f", {row.angle:.3g} rad apart"
         across = np.cross(u, row.axis)

@@ -66,6 +66,11 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     if orphans := [i for i, one in enumerate(builder.joint_articulation) if one < 0]:
         if settings["articulations"]:
             builder.add_articulation(orphans)
+        elif inner := [i for i in orphans if builder.joint_parent[i] >= 0]:
+            place = stage.place(stage.stage.GetPrimAtPath(builder.joint_label[inner[0]]))
+            problem = f"joint {place.address} is in no articulation, and Newton refuses that. "
+            problem += "Apply PhysicsArticulationRootAPI above the bodies"
+            raise UnsupportedError(problem, file=place.file, line=place.line)
         else:
             lost[ORPHANS] = {"articulations": True}
     with collect_warnings(messages):
