@@ -13,7 +13,6 @@ line that does not agree.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import shutil
 import subprocess
@@ -160,7 +159,6 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--tools", type=Path, help="folder with the converters' programs")
     parser.add_argument("--engine", default="newton")
     parser.add_argument("--masses", action="store_true", help="compare only mass matrices")
-    parser.add_argument("--save", type=Path, help="file for all output, as JSON")
     chosen = parser.parse_args(given)
     sources = [chosen.menagerie / one for one in MENAGERIE if chosen.menagerie]
     urdfs = folder_of("pybullet")
@@ -169,7 +167,6 @@ def main(given: Sequence[str] | None = None) -> None:
         failure = convert(source, chosen.tools.absolute(), chosen.folder / source.stem)
         print(f"{source}: {failure or 'converted'}", file=sys.stderr, flush=True)
     print(f"| robot | M(q) | compare | {chosen.engine} |\n|---|---|---|---|", flush=True)
-    saved = {}
     for robot in robots_in(chosen.folder):
         masses = mass_difference(robot) if robot.source else ""
         if chosen.masses:
@@ -177,11 +174,8 @@ def main(given: Sequence[str] | None = None) -> None:
             continue
         compared = command("compare", robot.source, robot.usd) if robot.source else (0, "")
         run = command("run", robot.usd, "--engine", chosen.engine)
-        saved[str(robot.usd)] = {"compare": compared, "run": run}
         cells = robot.name, masses, summary(*compared), summary(*run)
         print(f"| {' | '.join(cells)} |", flush=True)
-    if chosen.save:
-        chosen.save.write_text(json.dumps(saved, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -190,9 +190,7 @@ def _by_short_numbers(
 
 
 def suffices(
-    stepping: StepComparison,
-    dynamics: AccelerationComparison | None,
-    resolution: float,
+    stepping: StepComparison, dynamics: AccelerationComparison | None, resolution: float
 ) -> bool:
     """Return whether steps from given states leave no doubt about the model.
 

@@ -324,7 +324,6 @@ class UsdStage:
                 )
 
     def _values(self, numbers: Mapping[Number, float]) -> dict[tuple[str, str], Any]:
-        """Return the values of attributes with other numbers, by prim and name."""
         result: dict[tuple[str, str], Any] = {}
         for number, value in numbers.items():
             path, word = number.address.partition(".")[0], number.word
@@ -433,7 +432,6 @@ def _words(value: Any) -> tuple[float, ...]:
 
 
 def _shortest(attribute: Any, value: float) -> str:
-    """Return the shortest decimal of a value that its type distinguishes."""
     name = str(attribute.GetTypeName())
     is_double = "double" in name or name.endswith("d") or "matrix" in name or name == "int"
     return repr(value) if is_double else str(np.float32(value))
@@ -526,7 +524,6 @@ def _refusal(layer: Any, root: Path, name: str, problem: str, remedy: str) -> Lo
 
 
 def _open(pxr: Any, file: Path) -> Any:
-    """Return a layer as it is on the disk now."""
     try:
         if "[" not in str(file):
             read_regular(file, MAX_MODEL_BYTES)

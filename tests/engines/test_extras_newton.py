@@ -195,14 +195,11 @@ def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
 
 
 def test_a_mimic_of_a_stage_acts_in_a_process_that_has_read_the_file(tmp_path: Path) -> None:
-    need("newton")
-    pytest.importorskip("newton_usd_schemas")
     follows = "rel newton:mimicJoint = </arm/shoulder>\n        float newton:damping"
     text = edited(('["NewtonJointAPI"]', '["NewtonMimicAPI"]'), ("float newton:damping", follows))
-    (tmp_path / "arm.usda").write_text(text)
-    out = tmp_path / "out"
-    words = ["run", str(tmp_path / "arm.usda"), "--engine", "newton", "--smooth", "--out", str(out)]
-    assert main(words) == 0
+    usd(tmp_path, text)
+    words = ["--engine", "newton", "--smooth", "--out", str(tmp_path / "out")]
+    assert main(["run", str(tmp_path / "arm.usda"), *words]) == 0
 
 
 def test_a_mass_below_the_precision_of_motions_differs_by_the_equations(

@@ -20,12 +20,12 @@ from tests.robots.usd import ARM, crate, edited, read_usd
 
 pytest.importorskip("pxr")
 
-Q, V = np.array([[0.3, -0.7]]), np.array([[1.1, -0.4]])
+Q = np.array([[0.3, -0.7]])
 
 
-def mechanics(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+def mechanics(robot: Robot, q: np.ndarray = Q) -> tuple[np.ndarray, np.ndarray]:
     """Return mass matrix and forces at one state."""
-    mass, force = TreeEquations(robot_system(robot)).mechanics(Q, V, np.zeros((1, 2)))
+    mass, force = TreeEquations(robot_system(robot)).mechanics(q, 2 * q - 1, np.zeros_like(q))
     return mass[0], force[0]
 
 
@@ -298,29 +298,18 @@ def test_each_number_has_a_size_so_that_coverage_can_change_it(tmp_path: Path) -
     assert min(one.scale for one in rows) > 0
 
 
-SWING = """    def PhysicsRevoluteJoint "swing" {
-        rel physics:body0 = </arm/upper>
-        rel physics:body1 = </arm/lower>
-        uniform token physics:axis = "Y"
-        point3f physics:localPos0 = (0, 0, 0.25)
-        quatf physics:localRot0 = (0.9238795, 0, 0.3826834, 0)
-    }
-}
-"""
-
-
 def test_hinges_between_the_same_bodies_are_stacked_if_the_root_says_so(tmp_path: Path) -> None:
-    both = ARM.rstrip().removesuffix("}") + SWING
+    elbow = ARM[ARM.index('    def PhysicsRevoluteJoint "elbow"') :]
+    swing = elbow.replace('"elbow"', '"swing"').replace('"X"', '"Y"')
+    both = ARM.rstrip().removesuffix("}") + swing
     (refusal,) = read_usd(tmp_path, both).obstacles
     assert (refusal.line, "joins the same bodies as joint 'elbow'" in str(refusal)) == (57, True)
     base = '    def Xform "base"'
     flag = f"    uniform bool newton:jointsAddMobility = 1\n{base}"
-    robot, mjcf = read_usd(tmp_path, edited((base, flag), text=both)), tmp_path / "arm.xml"
-    swing = '<joint name="swing" axis="0 1 0"/></body>\n</body>'
-    mjcf.write_text(MJCF.replace("</body>\n</body>", swing))
-    state = np.array([[0.3, -0.7, 0.4]]), np.array([[1.1, -0.4, 0.2]]), np.zeros((1, 3))
-    mine, its = (
-        TreeEquations(robot_system(one)).mechanics(*state) for one in (robot, read_robot(mjcf))
-    )
-    assert mine[0] == pytest.approx(its[0], rel=1e-6, abs=1e-7)
-    assert mine[1] == pytest.approx(its[1], rel=1e-6, abs=1e-6)
+    robot, joint = read_usd(tmp_path, edited((base, flag), text=both)), MJCF.splitlines()[-2]
+    joint = joint.removesuffix("</body>")
+    second = joint.replace("elbow", "swing").replace("1 0 0", "0 1 0")
+    (tmp_path / "arm.xml").write_text(MJCF.replace(joint, joint + second))
+    q, file = np.array([[0.3, -0.7, 0.4]]), read_robot(tmp_path / "arm.xml")
+    for mine, its in zip(mechanics(robot, q), mechanics(file, q), strict=True):
+        assert mine == pytest.approx(its, rel=1e-6, abs=1e-6)

@@ -164,7 +164,6 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
 
 
 def _fixes(stage: UsdStage, joint: UsdJoint, body: Any) -> bool:
-    """Return whether a joint fixes a body to the world."""
     ends = [stage.bodies[end] for end in joint.ends if end]
     return joint.kind == "fixed" and ends == [body]
 

@@ -325,7 +325,6 @@ def _choices(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar 
 
 
 def _usable(sidecar: Sidecar | None, wanted: list[str]) -> list[str]:
-    """Return installed engines; without a sidecar, those that follow the file first."""
     installed = [name for name in wanted if engines()[name].version() is not None]
     if sidecar is None:
         adds = {name: bool(engines()[name].massless_link_default) for name in installed}
@@ -356,7 +355,6 @@ def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
-    """Build a sidecar for a file without one, with defaults for what its format cannot state."""
     settings = dict(engine.settings_for(path.suffix))
     stated = UsdStage(path, {}).settings if path.suffix in USD_SUFFIXES else {}
     assumed = [_spoken(key, value) for key, value in sorted(settings.items()) if key not in stated]

@@ -202,7 +202,6 @@ def compare(
 
 
 def _prepared(executor: Executor, options: CompareOptions) -> PreparedComparison:
-    """Load both models; in the next engine that both share, if the first one can't load them."""
     try:
         return prepare(executor, options.a, options.b, options.joints, options.include_constraints)
     except FailureError:
@@ -219,7 +218,6 @@ def _decided(
     compared: Compared,
     unknown: Sequence[ComparedProperty],
 ) -> tuple[Compared, Outcome, str]:
-    """Return the outcome and its reason, from motions, laws and what the files state."""
     outcome, reason = motions.judgement.outcome, motions.judgement.verdict.reason
     if outcome is Outcome.UNRESOLVED and is_same_model(*prepared.models):
         return compared, Outcome.AGREES, ""
@@ -347,7 +345,6 @@ def unknown_edits(
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
-    """Return the numbers of both files' laws that differ; None without a law or if one fails."""
     source = prepared.source_first(prepared.facts)[0]
     read = partial(compare_laws, pairs=pairs_of(prepared.match, source.coordinates))
     (rows,) = ask_each(executor, prepared.models[0], read, [prepared.facts])
@@ -355,13 +352,11 @@ def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedPro
 
 
 def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedActing, ...]:
-    """Return what both files' numbers act as where they differ; nothing if an engine fails."""
     (rows,) = ask_each(executor, prepared.models[0], compare_acting, [prepared.facts])
     return () if isinstance(rows, Failure) else rows
 
 
 def _scenes(executor: Executor, sides: tuple[ModelSide, ModelSide] | None) -> tuple[Scene, ...]:
-    """Return the scenes of both models; none if one is not a tree. Meshes may fail."""
     scenes = ask_each(executor, sides[0].facts.candidate, side_scene, sides) if sides else []
     return tuple(one for one in scenes if not isinstance(one, Failure))
 
@@ -421,7 +416,6 @@ class _Motions:
 
 
 def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComparison) -> _Motions:
-    """Run both models, and compare their motions and their files."""
     match = prepared.match
     start = start_range(*prepared.source_first(prepared.facts), match)
     recorded = _recorded(executor, options, prepared, start)
@@ -495,7 +489,6 @@ def _judged(
     resolution: float,
     signs: Array,
 ) -> _Turned:
-    """Run the target from the source's states, with some reversed joints."""
     target = prepared.source_first(prepared.models)[1]
     run = partial(run_target, runs=recorded.compared, signs=signs, resolution=resolution)
     followed = ask(executor, target, run, target)
@@ -628,7 +621,6 @@ def without_laws(
 
 
 def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
-    """Return messages about impossible inertias of moving links."""
     robots = [own.robot for own in prepared.facts if own.robot is not None]
     messages = [
         str(one)
@@ -646,7 +638,6 @@ def _untested(
     attribution: Attribution,
     laws: tuple[ComparedProperty, ...] | None,
 ) -> tuple[str, ...]:
-    """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in files.properties if agrees or not one.moves]
     messages += [one.message for one in laws or () if agrees or not one.effect]
@@ -659,7 +650,6 @@ def _untested(
 def _notes(
     prepared: PreparedComparison, recorded: Recorded, start: StartRange, *, by_law: bool
 ) -> tuple[str, ...]:
-    """Return assumptions and actions, without duplicates."""
     source, lost = prepared.match.source, recorded.lost
     notes = [note for one in prepared.models for note in one.notes]
     notes += [*omission_notes(prepared, by_law=by_law), *prepared.notes]

@@ -224,7 +224,6 @@ def _masses(
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     masses: tuple[float, float],
 ) -> Iterator[Difference]:
-    """Yield mass differences by link where these explain the total; else that of the body."""
     pairs = [(x.link.mass, y.link.mass, x, y) for x, y in _namesakes(*parts)]
     unequal = [pair for pair in pairs if abs(pair[0] - pair[1]) > SAME * max(pair[:2])]
     remainder = masses[0] - masses[1] - sum(m - n for m, n, *_ in unequal)
@@ -293,7 +292,6 @@ _NOBODY = LinkPart(link=RigidBody(name="", parent=None), line=0)
 
 
 def _unlike(x: LinkPart, y: LinkPart) -> bool:
-    """Return whether the mass properties of two links differ in their own frames."""
     p, q = x.inertia, y.inertia
     return not (
         p.mass == q.mass
@@ -311,7 +309,6 @@ def _both(x: str, y: str) -> str:
 
 
 def _tensors(tensor_a: Array, tensor_b: Array) -> str:
-    """Describe the difference of principal moments of inertia, or the angle of the axes."""
     here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (tensor_a, tensor_b))
     large = float(max(np.abs(here).max(), np.abs(there).max()))
     miss = float(np.abs(here - there).max())
@@ -366,7 +363,6 @@ def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
 def _ranges(
     a: ModelSide, b: ModelSide, rows: Sequence[Aligned], by_name: dict[str, JointPair]
 ) -> Iterator[Difference]:
-    """Yield differences of position limits, those of B in A's coordinates."""
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
         if pair.a not in a.facts.coordinates:
@@ -394,7 +390,6 @@ def _share(miss: Array, sizes: Array) -> float:
 
 
 def _range(here: Array, there: Array) -> tuple[str, str]:
-    """Format both ranges with enough digits to show their difference."""
     if np.isinf(here).any() or np.isinf(there).any():
         text_a, text_b = (
             "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
@@ -409,7 +404,6 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
 
 
 def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
-    """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     tendons_a, tendons_b = (
@@ -522,7 +516,6 @@ def _sides(
 def _posed(
     z: Array, facts: tuple[Facts, Facts], pairs: tuple[JointPair, ...], of_a: Mapping[str, float]
 ) -> Array:
-    """Return B's positions for given positions of A."""
     posed = np.array(z)
     for pair in pairs:
         posed[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset

@@ -172,7 +172,6 @@ class ModelSide:
 
     @cached_property
     def _indices(self) -> Mapping[str, Mapping[str, int]]:
-        """Indices of bodies and joints of a compiled file, by name."""
         model = None if self.facts.robot is None else self.facts.robot.body_model
         bodies = () if model is None else model.bodies
         joints = [joint.name for body in bodies for joint in body.joints]
@@ -183,7 +182,6 @@ class ModelSide:
 
     @cached_property
     def _stage(self) -> UsdStage | None:
-        """The stage of a file in USD; None for other files."""
         try:
             is_stage = self.file.suffix in USD_SUFFIXES
             settings = self.facts.candidate.settings

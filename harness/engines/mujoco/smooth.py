@@ -90,13 +90,7 @@ def remove_uncovered(m: Any) -> None:
         getattr(m, name)[:] = 0
     without_ellipsoids(m)
     own_fields = ("damping", "dampingpoly", "armature")
-    force = (
-        "gainprm",
-        "biasprm",
-        "gaintype",
-        "biastype",
-        "dyntype",
-    )  # type 0 is constant
+    force = ("gainprm", "biasprm", "gaintype", "biastype", "dyntype")  # type 0 is constant
     _zero(m, "actuator", (*force, *own_fields), _uncovered_actuators(m))
     _zero(m, "tendon", ("armature",), _spatial_tendons_with_armature(m))
     _zero(m, "actuator", ("armature",), _actuators_with_armature(m))

@@ -98,7 +98,6 @@ def _check_units(stage: UsdStage) -> None:
 
 
 def _joint_names(stage: UsdStage, builder: Any) -> list[list[str]]:
-    """Return the names of the coordinates of each of Newton's joints: one if it moves."""
     joints = {str(prim.GetPath()): name for name, prim in stage.joints.items()}
     bodies = {str(prim.GetPath()): name for name, prim in stage.bodies.items()}
     names = []
@@ -122,7 +121,6 @@ def _is_hinge(prim: Any) -> bool:
 
 
 def _stack(stage: UsdStage, name: str) -> list[str]:
-    """Return the names of all joints between the bodies of a joint."""
     ends = {
         other: {*stage.targets(prim, "physics:body0"), *stage.targets(prim, "physics:body1")}
         for other, prim in stage.joints.items()

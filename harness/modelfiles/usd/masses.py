@@ -47,7 +47,6 @@ def stated_of(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, A
 
 
 def _tensor(stage: UsdStage, prim: Any) -> Array | None:
-    """Return the stated moments in the body's axes, in units of the stage; None if unset."""
     # With schemas that no package registers.
     schemas = {*prim.GetAppliedSchemas(), *prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
     six = stage.stated(prim, "newton:inertia") if "NewtonMassAPI" in schemas else None
@@ -125,7 +124,6 @@ def _solid(stage: UsdStage, prim: Any) -> tuple[float, Array, Array]:
 
 
 def _mesh(prim: Any, scale: Array) -> tuple[float, Array, Array] | None:
-    """Return those of a closed mesh by its triangles; None if it has no volume."""
     points = np.array(prim.GetAttribute("points").Get() or (), dtype=float).reshape(-1, 3) * scale
     counts = np.array(prim.GetAttribute("faceVertexCounts").Get() or (), dtype=int)
     corners = np.array(prim.GetAttribute("faceVertexIndices").Get() or (), dtype=int)

@@ -166,7 +166,6 @@ class StageTree:
             yield UsdJoint(prim, name, kind, axis, key, ends, frames)
 
     def _axis(self, prim: Any) -> tuple[str, int, str]:
-        """Return kind, axis and key of a joint; no kind if it is not covered."""
         kind = _KINDS.get(str(prim.GetTypeName()), "")
         if kind in ("hinge", "slide"):
             axis = "XYZ".index(str(self.stage.value(prim, "physics:axis", "X")))
@@ -272,7 +271,6 @@ class StageTree:
         return placed_body(link, joint.ends[1 - inner], outer.compose(inverse(frame)), joints)
 
     def _moving(self, joint: UsdJoint, inner: int) -> Joint:
-        """Return a joint in the frame of its child, which is body `inner` of it."""
         frame = joint.frames[inner]
         axis = frame.rotation[:, joint.axis] * (1 if inner else -1)
         (x, y, z), (a, b, c) = axis.tolist(), frame.origin.tolist()
@@ -291,7 +289,6 @@ class StageTree:
         )
 
     def _units(self, joint: UsdJoint) -> tuple[float, float, float]:
-        """Return the units of a joint's coordinate, of its gains and of its inertia, in SI."""
         stage = self.stage
         if joint.kind == "slide":
             return stage.unit, stage.mass_unit, stage.mass_unit
@@ -299,7 +296,6 @@ class StageTree:
         return 1 / DEGREES, inertia * DEGREES, inertia
 
     def _drive(self, joint: UsdJoint) -> tuple[float, float, float, float]:
-        """Return stiffness, damping, target and target velocity of a drive, in SI units."""
         value, prim, key = self.stage.value, joint.prim, f"drive:{joint.key}:physics"
         has_drive = f"PhysicsDriveAPI:{joint.key}" in prim.GetAppliedSchemas()
         if not has_drive or value(prim, f"{key}:type", "force") == "acceleration":
@@ -360,7 +356,6 @@ class StageTree:
             )
 
     def _omitted(self, joint: UsdJoint) -> Iterator[tuple[str, object]]:
-        """Yield each kind of content of a joint, and whether the joint has it."""
         stage, prim = self.stage, joint.prim
         yield FREE_MIMIC, joint.name in self.mimics
         yield "limits of position", self._limits(joint)
