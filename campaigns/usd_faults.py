@@ -12,7 +12,6 @@ import argparse
 import io
 import math
 import re
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -131,11 +130,6 @@ def namespaces(prim: Any) -> None:
         prim.CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(0.1)
 
 
-def stage_value(name: str, value: object) -> Callable[[Any], None]:
-    """Return an edit of a value of the whole stage."""
-    return lambda prim: prim.GetStage().SetMetadata(name, value) and None
-
-
 def density(prim: Any) -> None:
     """Take the mass away, and state a density."""
     prim.GetAttribute("physics:mass").Set(0.0)
@@ -171,8 +165,8 @@ JOINT: Mapping[str, Callable[[Any], None]] = {
     "damping per radian": written("newton:damping", 0.0573, Sdf.ValueTypeNames.Float),
     "armature": written("newton:armature", 0.01, Sdf.ValueTypeNames.Float),
     "gravity in cm": lambda prim: scene_of(prim).CreateGravityMagnitudeAttr(981.0) and None,
-    "unit": stage_value("metersPerUnit", 0.01),
-    "unit of mass": stage_value("kilogramsPerUnit", 0.001),
+    "unit": lambda prim: prim.GetStage().SetMetadata("metersPerUnit", 0.01) and None,
+    "unit of mass": lambda prim: prim.GetStage().SetMetadata("kilogramsPerUnit", 0.001) and None,
 }  # fmt: skip
 
 
@@ -200,9 +194,6 @@ WHOLE = {
 }  # fmt: skip
 """Words that name faults of a whole stage."""
 
-LINES, FLOAT_DIGITS = 8, 5e-7
-"""Lines of output that must name a fault; relative rounding of floats."""
-
 
 def compared(file: Path, other: Path, word: str, engine: str) -> tuple[list[str], int]:
     """Return the first line of `crosscheck compare` that has a word and a line, and other rows.
@@ -216,21 +207,20 @@ def compared(file: Path, other: Path, word: str, engine: str) -> tuple[list[str]
         try:
             record = compare(options, executor)
             rows = record.compared.properties if record.compared else ()
-            large = (row for row in rows if row.relative is None or row.relative > FLOAT_DIGITS)
+            large = (row for row in rows if row.relative is None or row.relative > 5e-7)
             rest = sum(not re.search(word, f"{row.about} {row.message}") for row in large)
         except FailureError as error:
             record = failed_comparison(options, error.failure)
     output = io.StringIO()
     print_comparison(Console(file=output, width=240), record, details=False)
-    rows = output.getvalue().splitlines()[:LINES]
+    lines = output.getvalue().splitlines()[:8]
     pattern = rf"^(?=.*\b{word}\b).*(usd\w?|[AB]):\d"
-    return [row.strip() for row in rows if re.search(pattern, row)][:1], rest
+    return [line.strip() for line in lines if re.search(pattern, line)][:1], rest
 
 
 def advice(file: Path) -> list[AuditFinding]:
     """Return the advice about a file."""
-    robot = read_robot(file)
-    return [one for one in plausibility_findings(robot) if one.severity == "advice"]
+    return [one for one in plausibility_findings(read_robot(file)) if one.severity == "advice"]
 
 
 def main(given: Sequence[str] | None = None) -> None:
@@ -251,22 +241,18 @@ def main(given: Sequence[str] | None = None) -> None:
             layer_file = file.with_name(f"planted_{number}.usda")
             layer_file.unlink(missing_ok=True)
             path = planted(file, kind, layer_file)
-            new = [
-                one
-                for one in advice(layer_file)
-                if not usual.get(one.kind, set()) >= {*one.subject}
-            ]
+            rows = advice(layer_file)
+            new = [one for one in rows if not usual.get(one.kind, set()) >= {*one.subject}]
             mine = [one for one in new if any(path.endswith(name) for name in one.subject)]
             others = [one for one in new if one.kind not in {named.kind for named in mine}]
             by = [f"{one.code} {one.location}".replace(f"{file.parent}/", "") for one in mine]
-            invented = len(others)
+            rest = len(others)
             if chosen.compare and not by:
                 word = WHOLE.get(kind, re.escape(path.rpartition("/")[2]))
-                by, invented = compared(file, layer_file, word, chosen.compare)
-            cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(invented)
+                by, rest = compared(file, layer_file, word, chosen.compare)
+            cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(rest)
             print(f"| {' | '.join(cells)} |", flush=True)
             layer_file.unlink()
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -158,11 +158,8 @@ class UsdWriter:
         return f"</r/{'/'.join(names)}>"
 
     def _joint(self, i: int) -> str:
-        link, flipped, axis = (
-            self.mechanism.links[i],
-            bool(not self.is_si and self.rng.integers(2)),
-            int(self.rng.integers(3)),
-        )
+        link, flipped = self.mechanism.links[i], bool(not self.is_si and self.rng.integers(2))
+        axis = int(self.rng.integers(3))
         outer, inner = ("1", "0") if flipped else ("0", "1")
         line = np.array(link.axis) / np.linalg.norm(link.axis) * (-1 if flipped else 1)
         frame = np.linalg.qr(np.column_stack([line, self.rng.normal(size=(3, 2))]))[0]
@@ -170,10 +167,8 @@ class UsdWriter:
         frame[:, 2] *= np.sign(np.linalg.det(frame))
         frame = np.roll(frame, axis, axis=1)
         turn, anchor = self._rotation(link.turn), np.array(link.anchor)
-        places = (
-            (outer, turn @ frame, np.array(link.position) + turn @ anchor),
-            (inner, frame, anchor),
-        )
+        origin = np.array(link.position) + turn @ anchor
+        places = (outer, turn @ frame, origin), (inner, frame, anchor)
         ends = [f"rel physics:body{inner} = {self._path(i)}\n"]
         above = self._path(link.parent) if link.parent >= 0 else "</r/base>" * self.is_based
         ends += [f"rel physics:body{outer} = {above}\n"] if above else []
@@ -189,10 +184,8 @@ class UsdWriter:
 
     def _numbers(self, i: int, drive: str) -> str:
         link = self.mechanism.links[i]
-        inertia, per = (
-            self.mass * (self.unit**2 if link.hinge else 1),
-            DEGREE if link.hinge else self.unit,
-        )
+        inertia = self.mass * (self.unit**2 if link.hinge else 1)
+        per = DEGREE if link.hinge else self.unit
         gain = inertia / (DEGREE if link.hinge else 1)
         damping = f"drive:{drive}:physics:damping" if self.rng.integers(2) else "newton:damping"
         lower, upper = self.limits[i] / per
@@ -207,9 +200,8 @@ class UsdWriter:
     def write(self, folder: Path) -> Path:
         """Write one file, or two, and return the root layer."""
         scene, robot, path = self.scene(), self.robot(), folder / "robot.usda"
-        style = ("file", "over", "reference", "instance")[
-            int(self.rng.integers(3 if self.is_si else 4))
-        ]
+        styles = "file", "over", "reference", "instance"
+        style = styles[int(self.rng.integers(3 if self.is_si else 4))]
         inner = self.head(robot)
         if style == "over":
             wrong = robot.replace("float physics:mass = ", "float physics:mass = 9")

@@ -104,13 +104,9 @@ def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_names_a_planted_fault_with_its_line_and_numbers(
-    tmp_path: Path,
-    code: str,
-    line: int,
-    expected: float | None,
-    actual: float | None,
+    tmp_path: Path, code: str, line: int, expected: float | None, actual: float | None,
     edits: list[tuple[str, str]],
-) -> None:
+) -> None:  # fmt: skip
     (finding,) = advice(tmp_path, *edits)
     assert finding.code == code
     assert finding.location is not None

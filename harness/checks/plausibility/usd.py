@@ -147,7 +147,7 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
         for fault in findings:
             prim = stage.stage.GetPrimAtPath(fault.subject[0])
             if fault.kind == "articulation root":
-                base = next((one.prim for one in joints if _fixes(stage, one, prim)), None)
+                base: Any = next((one.prim for one in joints if _fixes(stage, one, prim)), None)
                 for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():  # unknown ones too
                     if "Articulation" in name and (not base or base.AddAppliedSchema(name)):
                         prim.RemoveAppliedSchema(name)
