@@ -436,10 +436,12 @@ def verdict_sentences(
         cause, remedy = _property_cause(compared.decisive, share, names)
         return cause, remedy, [f"motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = (own := _own_cause(comparison)) or cause or comparison.reason
+    text = (engine := _own_cause(comparison)) or cause or comparison.reason
     if outcome is not Outcome.DIFFERS:
         return text, "", [f"difference {size}, on {compared.component}"]
-    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 and not own else []
+    several = (
+        [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 and not engine else []
+    )
     motions = [f"motions differ by {size}, on {compared.component}", *several]
     return text, remedy, motions
 
