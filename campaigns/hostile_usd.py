@@ -105,11 +105,8 @@ def endless() -> Iterator[File]:
             ) + "}\n"
             for i in range(count)
         ]  # fmt: skip
-        yield (
-            "endless",
-            f"grows_{count}.usda",
-            f'#usda 1.0\n{"".join(levels)}def "l{count}" {{ }}\n'.encode(),
-        )
+        text = f'#usda 1.0\n{"".join(levels)}def "l{count}" {{ }}\n'
+        yield "endless", f"grows_{count}.usda", text.encode()
     for length, what in ((3_000_000, "float[] x = [{}]"), (3_000_000, "string x = '{}'")):
         body = what.format("1," * length if "float" in what else "x" * length)
         yield "huge", f"huge_{len(body)}.usda", f'#usda 1.0\ndef "a" {{ {body} }}\n'.encode()
@@ -139,14 +136,12 @@ def broken(folder: Path) -> Iterator[File]:
         yield "mixed", f"usda_as_{suffix}.{suffix}", b"#usda 9.9\n" + data[:40]
     for i, name in enumerate(("../../x.usda", "/tmp/x.usda", "a.py", "x.usda")):
         path = folder / f"zip_{i}.usdz"
-        with zipfile.ZipFile(
-            path, "w", zipfile.ZIP_DEFLATED if i == 3 else zipfile.ZIP_STORED
-        ) as z:
+        method = zipfile.ZIP_DEFLATED if i == 3 else zipfile.ZIP_STORED
+        with zipfile.ZipFile(path, "w", method) as z:
             z.writestr(name, ROBOT if i != 3 else " " * 10_000_000)
         yield "packages", path.name, path.read_bytes()
-    for i, head in enumerate(
-        (b"", b"\0" * 100, b"\xff\xfe", b"\xef\xbb\xbf#usda 1.0\n", b"PXR-USDC")
-    ):
+    heads = b"", b"\0" * 100, b"\xff\xfe", b"\xef\xbb\xbf#usda 1.0\n", b"PXR-USDC"
+    for i, head in enumerate(heads):
         yield "mixed", f"head_{i}.usd", head
 
 

@@ -1,27 +1,35 @@
 """Faults planted in a USD robot by layers over it: is each named by prim and line, and none else?
 
-`python -m campaigns.usd_faults ROBOT.usda... [--compare]` plants each fault in a body and a joint
-in the middle of each robot. The layers are written beside the robot, and removed. A fault is named
-if new advice names its prim, or with `--compare`, which runs an engine, if `crosscheck compare`
-does. `invented` counts new advice of another kind about other prims.
+`python -m campaigns.usd_faults ROBOT.usda... [--compare ENGINE]` plants each fault in a body and a
+joint in the middle of each robot. The layers are written beside the robot, and removed. A fault is
+named if new advice names its prim, or with `--compare`, if the first lines of `crosscheck compare`
+do. `invented` counts new advice of another kind about other prims, or other rows of `compare`.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import re
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdPhysics
+from rich.console import Console
 
-from campaigns.usd_robots import command
 from physics_crosscheck.harness.checks.plausibility.kinds import plausibility_findings
+from physics_crosscheck.harness.commands.compare.candidate import FailureError, candidates
+from physics_crosscheck.harness.commands.compare.compare import (
+    CompareOptions,
+    compare,
+    failed_comparison,
+)
+from physics_crosscheck.harness.jobs.executor import InThisProcess
 from physics_crosscheck.harness.modelfiles.readers import read_robot
 from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.render.terminal.comparison import print_comparison
 
 MOMENTS, AXES = "physics:diagonalInertia", "physics:principalAxes"
 
@@ -78,6 +86,27 @@ def other_axis(prim: Any) -> None:
     attribute.Set({"X": "Y", "Y": "Z", "Z": "X"}[attribute.Get()])
 
 
+def swapped(prim: Any) -> None:
+    """Exchange the two bodies of a joint, without its frames."""
+    ends = [prim.GetRelationship(f"physics:body{i}") for i in (0, 1)]
+    targets = [end.GetTargets() for end in ends]
+    for end, paths in zip(ends, targets[::-1], strict=True):
+        end.SetTargets(paths)
+
+
+def scene_of(prim: Any) -> UsdPhysics.Scene:
+    """Return the scene of a prim's stage, or a new one."""
+    stage = prim.GetStage()
+    scenes = (one for one in stage.Traverse() if one.IsA(UsdPhysics.Scene))
+    return UsdPhysics.Scene(next(scenes, None) or stage.DefinePrim("/scene", "PhysicsScene"))
+
+
+def other_up(prim: Any) -> None:
+    """State another up axis, along which gravity acts."""
+    prim.GetStage().SetMetadata("upAxis", "Y")
+    scene_of(prim).CreateGravityDirectionAttr(Gf.Vec3f(0))
+
+
 def wrong_parent(prim: Any) -> None:
     """Name the parent's parent as the first body."""
     relation = prim.GetRelationship("physics:body0")
@@ -99,11 +128,6 @@ def namespaces(prim: Any) -> None:
     """State one damping per degree and per radian with one number."""
     for name in ("newton:damping", "mjc:damping"):
         prim.CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(0.1)
-
-
-def stage_value(name: str, value: object) -> Callable[[Any], None]:
-    """Return an edit of a value of the whole stage."""
-    return lambda prim: prim.GetStage().SetMetadata(name, value) and None
 
 
 def density(prim: Any) -> None:
@@ -129,6 +153,7 @@ BODY: Mapping[str, Callable[[Any], None]] = {
     "center 1e-3": scaled("physics:centerOfMass", 1.001), "conjugated axes": turned(AXES),
     "moments in g m^2": scaled(MOMENTS, 1000.0), "moments 1 %": scaled(MOMENTS, 1.01),
     "axes not of unit length": written(AXES, Gf.Quatf(0.7, 0, 0, 0.7)),
+    "second root": UsdPhysics.ArticulationRootAPI.Apply,
     "scale": written("xformOp:scale", Gf.Vec3f(1, 1, 2), Sdf.ValueTypeNames.Float3),
 }  # fmt: skip
 JOINT: Mapping[str, Callable[[Any], None]] = {
@@ -136,9 +161,12 @@ JOINT: Mapping[str, Callable[[Any], None]] = {
     "conjugated localRot0": turned("physics:localRot0"), "axis": other_axis,
     "gain per radian": drive(100.0), "gain per degree": drive(1.7453293),
     "localRot0 not of unit length": written("physics:localRot0", Gf.Quatf(2, 0, 0, 0)),
-    "namespaces": namespaces,
-    "up axis": stage_value("upAxis", "Y"), "unit": stage_value("metersPerUnit", 0.01),
-    "unit of mass": stage_value("kilogramsPerUnit", 0.001),
+    "namespaces": namespaces, "swapped bodies": swapped, "up axis": other_up,
+    "damping per radian": written("newton:damping", 0.0573, Sdf.ValueTypeNames.Float),
+    "armature": written("newton:armature", 0.01, Sdf.ValueTypeNames.Float),
+    "gravity in cm": lambda prim: scene_of(prim).CreateGravityMagnitudeAttr(981.0) and None,
+    "unit": lambda prim: prim.GetStage().SetMetadata("metersPerUnit", 0.01) and None,
+    "unit of mass": lambda prim: prim.GetStage().SetMetadata("kilogramsPerUnit", 0.001) and None,
 }  # fmt: skip
 
 
@@ -160,10 +188,39 @@ def planted(file: Path, kind: str, layer_file: Path) -> str:
     return str(prim.GetPath())
 
 
+WHOLE = {
+    "up axis": "gravity", "gravity in cm": "gravity", "unit": "metersPerUnit",
+    "unit of mass": "kilogramsPerUnit", "limits in radians": "range",
+}  # fmt: skip
+"""Words that name faults of a whole stage."""
+
+
+def compared(file: Path, other: Path, word: str, engine: str) -> tuple[list[str], int]:
+    """Return the first line of `crosscheck compare` that has a word and a line, and other rows.
+
+    The number of other rows is that of differing properties about something else.
+    """
+    rest = 0
+    with InThisProcess() as executor:
+        pair = candidates((file, other), (engine, engine))
+        options = CompareOptions(a=pair[0], b=pair[1])
+        try:
+            record = compare(options, executor)
+            rows = record.compared.properties if record.compared else ()
+            large = (row for row in rows if row.relative is None or row.relative > 5e-7)
+            rest = sum(not re.search(word, f"{row.about} {row.message}") for row in large)
+        except FailureError as error:
+            record = failed_comparison(options, error.failure)
+    output = io.StringIO()
+    print_comparison(Console(file=output, width=240), record, details=False)
+    lines = output.getvalue().splitlines()[:8]
+    pattern = rf"^(?=.*\b{word}\b).*(usd\w?|[AB]):\d"
+    return [line.strip() for line in lines if re.search(pattern, line)][:1], rest
+
+
 def advice(file: Path) -> list[AuditFinding]:
     """Return the advice about a file."""
-    robot = read_robot(file)
-    return [one for one in plausibility_findings(robot) if one.severity == "advice"]
+    return [one for one in plausibility_findings(read_robot(file)) if one.severity == "advice"]
 
 
 def main(given: Sequence[str] | None = None) -> None:
@@ -171,7 +228,7 @@ def main(given: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m campaigns.usd_faults", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("robots", type=Path, nargs="+", metavar="ROBOT.usda")
-    parser.add_argument("--compare", action="store_true", help="compare in an engine what is left")
+    parser.add_argument("--compare", default="", help="engine that compares what advice leaves")
     parser.add_argument("--only", default="", help="pattern of faults")
     chosen = parser.parse_args(given)
     print("| robot | fault | named | by | invented |\n|---|---|---|---|---|", flush=True)
@@ -179,27 +236,23 @@ def main(given: Sequence[str] | None = None) -> None:
         usual: dict[str, set[str]] = {}
         for finding in advice(file):
             usual.setdefault(finding.kind, set()).update(finding.subject)
-        layer_file = file.with_name("planted.usda")
-        for kind in (one for one in (*BODY, *JOINT) if re.search(chosen.only, one)):
+        kinds = [one for one in (*BODY, *JOINT) if re.search(chosen.only, one)]
+        for number, kind in enumerate(kinds):
+            layer_file = file.with_name(f"planted_{number}.usda")
             layer_file.unlink(missing_ok=True)
             path = planted(file, kind, layer_file)
-            new = [
-                one
-                for one in advice(layer_file)
-                if not usual.get(one.kind, set()) >= {*one.subject}
-            ]
+            rows = advice(layer_file)
+            new = [one for one in rows if not usual.get(one.kind, set()) >= {*one.subject}]
             mine = [one for one in new if any(path.endswith(name) for name in one.subject)]
             others = [one for one in new if one.kind not in {named.kind for named in mine}]
             by = [f"{one.code} {one.location}".replace(f"{file.parent}/", "") for one in mine]
+            rest = len(others)
             if chosen.compare and not by:
-                _, text = command("compare", file, layer_file)
-                by = [row.strip() for row in text.splitlines() if path.rpartition("/")[2] in row][
-                    :1
-                ]
-            cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(len(others))
+                word = WHOLE.get(kind, re.escape(path.rpartition("/")[2]))
+                by, rest = compared(file, layer_file, word, chosen.compare)
+            cells = file.stem, kind, "yes" if by else "no", ", ".join(by), str(rest)
             print(f"| {' | '.join(cells)} |", flush=True)
-        layer_file.unlink(missing_ok=True)
-    sys.stdout.flush()
+            layer_file.unlink()
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ line that does not agree.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import shutil
 import subprocess
@@ -95,15 +94,9 @@ def _has_bodies(path: Path) -> bool:
 def command(*words: object) -> tuple[int, str]:
     """Return the exit code and the output of `crosscheck`; 124 after ten minutes."""
     with tempfile.TemporaryDirectory() as out:
-        words = (sys.executable, "-m", "physics_crosscheck", *words)
-        words += ("--out", out) if "run" in words else ()
-        try:
-            done = subprocess.run(
-                [str(word) for word in words],
-                capture_output=True, text=True, timeout=600, check=False,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return 124, ""
+        program = "timeout", "600", sys.executable, "-m", "physics_crosscheck"
+        line = [*program, *map(str, words), "--out", out]
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -160,7 +153,6 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--tools", type=Path, help="folder with the converters' programs")
     parser.add_argument("--engine", default="newton")
     parser.add_argument("--masses", action="store_true", help="compare only mass matrices")
-    parser.add_argument("--save", type=Path, help="file for all output, as JSON")
     chosen = parser.parse_args(given)
     sources = [chosen.menagerie / one for one in MENAGERIE if chosen.menagerie]
     urdfs = folder_of("pybullet")
@@ -169,7 +161,6 @@ def main(given: Sequence[str] | None = None) -> None:
         failure = convert(source, chosen.tools.absolute(), chosen.folder / source.stem)
         print(f"{source}: {failure or 'converted'}", file=sys.stderr, flush=True)
     print(f"| robot | M(q) | compare | {chosen.engine} |\n|---|---|---|---|", flush=True)
-    saved = {}
     for robot in robots_in(chosen.folder):
         masses = mass_difference(robot) if robot.source else ""
         if chosen.masses:
@@ -177,11 +168,8 @@ def main(given: Sequence[str] | None = None) -> None:
             continue
         compared = command("compare", robot.source, robot.usd) if robot.source else (0, "")
         run = command("run", robot.usd, "--engine", chosen.engine)
-        saved[str(robot.usd)] = {"compare": compared, "run": run}
         cells = robot.name, masses, summary(*compared), summary(*run)
         print(f"| {' | '.join(cells)} |", flush=True)
-    if chosen.save:
-        chosen.save.write_text(json.dumps(saved, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

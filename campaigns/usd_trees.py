@@ -45,10 +45,19 @@ APIS = '"PhysicsRigidBodyAPI", "PhysicsMassAPI", "NewtonMassAPI"'
 
 
 class UsdWriter:
-    """A mechanism as USD text, in a representation that a generator draws."""
+    """A mechanism as USD text, in a representation that a generator draws.
 
-    def __init__(self, mechanism: RandomMechanism, rng: np.random.Generator, is_si: bool) -> None:
-        self.mechanism, self.rng, self.is_si = mechanism, rng, is_si
+    With `is_based`, its joints to the world are joints to a body that is fixed there.
+    """
+
+    def __init__(
+        self,
+        mechanism: RandomMechanism,
+        rng: np.random.Generator,
+        is_si: bool,
+        is_based: bool = False,
+    ) -> None:
+        self.mechanism, self.rng, self.is_si, self.is_based = mechanism, rng, is_si, is_based
         self.unit = 1.0 if is_si else float(rng.choice([1.0, 0.01, 0.1]))
         self.mass = 1.0 if is_si else float(rng.choice([1.0, 0.001, 1000.0]))
         self.is_nested = bool(rng.integers(2))
@@ -87,10 +96,16 @@ class UsdWriter:
         """Return the prim of the robot."""
         tops = self._children(-1) if self.is_nested else range(len(self.limits))
         joints = map(self._joint, range(len(self.limits)))
-        prims = "".join([*map(self._body, tops), *joints])
+        prims = "".join([*map(self._body, tops), self._base() if self.is_based else "", *joints])
         xform = self._xform(*self._root)
         schemas = '(prepend apiSchemas = ["PhysicsArticulationRootAPI"])'
         return f'def Xform "r" {schemas}\n{{\n{xform}{prims}}}\n'
+
+    def _base(self) -> str:
+        place = self._xform(self._root[0].T, -self._root[0].T @ self._root[1])
+        numbers = "float physics:mass = 1\nfloat3 physics:diagonalInertia = (1, 1, 1)\n"
+        fixed = 'def PhysicsFixedJoint "fixed"\n{\nrel physics:body1 = </r/base>\n}\n'
+        return f'def Xform "base" (prepend apiSchemas = [{APIS}])\n{{\n{place}{numbers}}}\n{fixed}'
 
     def _xform(self, turn: Array, origin: Array) -> str:
         if self.rng.integers(2):
@@ -143,11 +158,8 @@ class UsdWriter:
         return f"</r/{'/'.join(names)}>"
 
     def _joint(self, i: int) -> str:
-        link, flipped, axis = (
-            self.mechanism.links[i],
-            bool(not self.is_si and self.rng.integers(2)),
-            int(self.rng.integers(3)),
-        )
+        link, flipped = self.mechanism.links[i], bool(not self.is_si and self.rng.integers(2))
+        axis = int(self.rng.integers(3))
         outer, inner = ("1", "0") if flipped else ("0", "1")
         line = np.array(link.axis) / np.linalg.norm(link.axis) * (-1 if flipped else 1)
         frame = np.linalg.qr(np.column_stack([line, self.rng.normal(size=(3, 2))]))[0]
@@ -155,14 +167,11 @@ class UsdWriter:
         frame[:, 2] *= np.sign(np.linalg.det(frame))
         frame = np.roll(frame, axis, axis=1)
         turn, anchor = self._rotation(link.turn), np.array(link.anchor)
-        places = (
-            (outer, turn @ frame, np.array(link.position) + turn @ anchor),
-            (inner, frame, anchor),
-        )
+        origin = np.array(link.position) + turn @ anchor
+        places = (outer, turn @ frame, origin), (inner, frame, anchor)
         ends = [f"rel physics:body{inner} = {self._path(i)}\n"]
-        ends += (
-            [f"rel physics:body{outer} = {self._path(link.parent)}\n"] if link.parent >= 0 else []
-        )
+        above = self._path(link.parent) if link.parent >= 0 else "</r/base>" * self.is_based
+        ends += [f"rel physics:body{outer} = {above}\n"] if above else []
         for end, matrix, origin in places:
             ends.append(f"point3f physics:localPos{end} = {_words(origin / self.unit)}\n")
             ends.append(f"quatf physics:localRot{end} = {_words(to_quaternion(matrix))}\n")
@@ -175,10 +184,8 @@ class UsdWriter:
 
     def _numbers(self, i: int, drive: str) -> str:
         link = self.mechanism.links[i]
-        inertia, per = (
-            self.mass * (self.unit**2 if link.hinge else 1),
-            DEGREE if link.hinge else self.unit,
-        )
+        inertia = self.mass * (self.unit**2 if link.hinge else 1)
+        per = DEGREE if link.hinge else self.unit
         gain = inertia / (DEGREE if link.hinge else 1)
         damping = f"drive:{drive}:physics:damping" if self.rng.integers(2) else "newton:damping"
         lower, upper = self.limits[i] / per
@@ -193,9 +200,8 @@ class UsdWriter:
     def write(self, folder: Path) -> Path:
         """Write one file, or two, and return the root layer."""
         scene, robot, path = self.scene(), self.robot(), folder / "robot.usda"
-        style = ("file", "over", "reference", "instance")[
-            int(self.rng.integers(3 if self.is_si else 4))
-        ]
+        styles = "file", "over", "reference", "instance"
+        style = styles[int(self.rng.integers(3 if self.is_si else 4))]
         inner = self.head(robot)
         if style == "over":
             wrong = robot.replace("float physics:mass = ", "float physics:mass = 9")
@@ -261,7 +267,8 @@ def main(given: Sequence[str] | None = None) -> int:
         links = tuple(replace(one, reference=0.0) for one in drawn.links)
         mechanism = replace(drawn, links=links, drives=())
         rng = np.random.default_rng((chosen.seed, index, 58))
-        writer = UsdWriter(mechanism, rng, is_si=bool(chosen.engine))
+        is_based = chosen.engine == "physx"  # a joint to the world leaves its base free there
+        writer = UsdWriter(mechanism, rng, is_si=bool(chosen.engine), is_based=is_based)
         with tempfile.TemporaryDirectory() as name:
             path = writer.write(Path(name))
             errors = list(problems(mechanism, writer, path))
@@ -272,7 +279,9 @@ def main(given: Sequence[str] | None = None) -> int:
                     settings = task.load()[0].corrective_settings.values()
                     off = {key: value for one in settings for key, value in one.items()}
                     case = run_case(task.with_settings(**off))
-                refused += case.outcome == "REFUSED"
+                if case.outcome == "REFUSED":
+                    refused += 1
+                    print(f"{index}: {case.reason}", flush=True)
                 is_right = case.outcome in ("AGREES", "REFUSED")
                 errors += [] if is_right else [f"{case.outcome}: {case.reason}"]
             if errors and chosen.keep:

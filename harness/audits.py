@@ -132,5 +132,4 @@ class _TargetAudits:
                     yield from model.checks("audit")
 
     def _wants(self, model: str, engine: str = "") -> bool:
-        """Return whether to audit a model, in an engine or in any."""
         return self._options.choice.includes_model(str(self._target), model, engine)

@@ -260,7 +260,6 @@ def _strings() -> Iterator[Text]:
 
 
 def _codes() -> Iterator[Text]:
-    """Yield the texts of the message codes."""
     for path in (ROOT / "harness" / "records").glob("*.toml"):
         for table in tomllib.loads(path.read_text()).values():
             yield from (Text(path, 0, table[key]) for key in ("title", "cause", "remedy"))

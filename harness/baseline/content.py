@@ -183,7 +183,6 @@ def _outermost(elements: Sequence[XmlElement]) -> list[XmlElement]:
 def _attribute_changes(
     document: Document, addresses: ElementAddresses, was: XmlElement, now: XmlElement
 ) -> Iterator[ChangedLine]:
-    """Yield the attributes and the text of an element whose words changed."""
     old, new = dict(_rows(was)), dict(_rows(now))
     source = SourceFile(document.path, document.data)
     for key in [*new, *(key for key in old if key not in new)]:

@@ -285,7 +285,6 @@ def change_of(
 
 
 def _change(case: Case, measured: Measured, baseline: Accepted) -> Diff | None:
-    """Return the change of one case; None if it is as accepted."""
     after = numbers_of(case)
     if barred := _covered_cases(case, baseline):
         message = f"{case.outcome}; the baseline has {counted(len(barred), 'case')} of it"

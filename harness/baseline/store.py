@@ -81,9 +81,7 @@ def _text_path(folder: Path, system: str, name: str) -> Path:
 
 
 def write_baseline(
-    folder: Path,
-    systems: Sequence[SystemBaseline],
-    texts: Mapping[tuple[str, str], bytes],
+    folder: Path, systems: Sequence[SystemBaseline], texts: Mapping[tuple[str, str], bytes]
 ) -> list[Path]:
     """Write systems, and texts by (system, file name); return the files that changed.
 

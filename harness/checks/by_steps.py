@@ -190,9 +190,7 @@ def _by_short_numbers(
 
 
 def suffices(
-    stepping: StepComparison,
-    dynamics: AccelerationComparison | None,
-    resolution: float,
+    stepping: StepComparison, dynamics: AccelerationComparison | None, resolution: float
 ) -> bool:
     """Return whether steps from given states leave no doubt about the model.
 
@@ -223,7 +221,6 @@ def _evaluates_later(rule: StepRule) -> bool:
 
 
 def _run_steps(compared: SteppedModel, stepping: StepComparison, motion: Motion) -> RunSteps:
-    """Compare each step of a full run."""
     model, coordinates = compared.model, compared.coordinates
     run, states, residuals = traced_run(model, coordinates, motion, compared.power, model.step)
     inputs = held_inputs(motion.inputs, model.step, len(states) - 1)

@@ -303,8 +303,7 @@ class Compiled:
         """Compute forces at states from the accelerations there and the known inertias."""
         none = np.zeros((len(states), len(self.task.target.push)))
         return force_of(
-            mass,
-            self.accelerations.measure(states, none, np.zeros((len(states), len(self.names)))),
+            mass, self.accelerations.measure(states, none, np.zeros((len(states), len(self.names))))
         )
 
     def _entries(

@@ -228,9 +228,7 @@ def _surfaces(robot: Robot, rules: Rules) -> Iterator[tuple[str, int]]:
 
 
 def check_contacts(
-    touching: TouchingShapes,
-    comparison: LawComparison,
-    evaluated: Sequence[Evaluated],
+    touching: TouchingShapes, comparison: LawComparison, evaluated: Sequence[Evaluated]
 ) -> ContactCheck:
     """Compare the contacts of an engine with the shapes of the file."""
     judge = _Judge(touching, comparison)
@@ -357,10 +355,7 @@ class _Judge:
                 self._note(surfaces, "is missing", 1.0, "the shapes overlap")
 
     def _judge_contacts(
-        self,
-        surfaces: Pair,
-        pairs: Sequence[tuple[Solid, Solid]],
-        contacts: Sequence[ContactPoint],
+        self, surfaces: Pair, pairs: Sequence[tuple[Solid, Solid]], contacts: Sequence[ContactPoint]
     ) -> None:
         """Judge the contacts of two surfaces, the deepest one by its depth."""
         deepest = min(contacts, key=lambda one: one.distance)
@@ -456,7 +451,6 @@ class _Judge:
         )
 
     def _names(self, surfaces: Pair) -> list[str]:
-        """Return the names of two surfaces."""
         shapes = self._shapes(surfaces)
         return [
             "the floor" if one is None or one.shape is None else one.shape.name for one in shapes

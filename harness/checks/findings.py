@@ -116,7 +116,6 @@ def _file_line(file: Path, place: FilePlace) -> SourceLine:
 
 
 def _remarks(file: Path) -> Iterator[AuditFinding]:
-    """Yield the remarks of engines on reading a file."""
     for engine in engines_reading(file.suffix):
         with suppress(EngineError):  # its own case reports that it cannot read the file
             for remark in engine.file_remarks(file) if engine.version() is not None else ():

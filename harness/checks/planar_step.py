@@ -209,7 +209,6 @@ def compare(samples: Sequence[PlanarSample], h: float) -> LawDefect:
 
 
 def _components(laws: PlanarLaws) -> tuple[str, ...]:
-    """Return the names of the components."""
     rates = [f"{body.name}.{rate}" for body in laws.bodies for rate in _RATES]
     places = [f"{body.name}.{place}" for body in laws.bodies for place in _PLACES]
     second = [f"{name} of the second step" for name in (*rates, *places)]

@@ -282,11 +282,7 @@ class PoseCheck:
 
 
 def check_poses(
-    system: System,
-    sidecar: Sidecar,
-    model: LoadedModel,
-    coordinates: CoordinateMap,
-    reached: Array,
+    system: System, sidecar: Sidecar, model: LoadedModel, coordinates: CoordinateMap, reached: Array
 ) -> PoseCheck:
     """Compare the frames of a loaded model with the equations.
 

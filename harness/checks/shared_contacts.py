@@ -73,9 +73,7 @@ def shared_contacts(
     return tuple(digests), tuple(touches)
 
 
-def _postures(
-    comparison: LawComparison,
-) -> Iterator[tuple[str, WholeState, Posture]]:
+def _postures(comparison: LawComparison) -> Iterator[tuple[str, WholeState, Posture]]:
     """Yield postures: joints are anywhere in their ranges, hinges without one anywhere."""
     order, tree = np.array(comparison.order), comparison.laws.tree.tree
     start, ranges = next(iter(comparison.model.starts)), comparison.ranges[order]

@@ -374,9 +374,7 @@ NAMED = 4
 
 
 def _covered(
-    comparison: LawComparison,
-    samples: Sequence[Evaluated],
-    omissions: Sequence[Omission],
+    comparison: LawComparison, samples: Sequence[Evaluated], omissions: Sequence[Omission]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the parts of a file that acted at judged states, and what of them never did."""
     acted = {one for sample in samples for one in comparison.acting_elements(sample)}
@@ -398,9 +396,7 @@ def _covered(
 
 
 def _shown(
-    comparison: LawComparison,
-    rows: Sequence[Evaluated],
-    judged: LimitVerdict,
+    comparison: LawComparison, rows: Sequence[Evaluated], judged: LimitVerdict
 ) -> ActingState:
     """Return the worst state, or for steps that agree the one where most forces act."""
     if judged.outcome is Outcome.DIFFERS:

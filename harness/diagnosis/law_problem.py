@@ -390,10 +390,7 @@ def law_problem(task: TreeTask, numbers: ModelFile | None = None) -> LawProblem 
 
 
 def _problem(
-    task: TreeTask,
-    numbers: LawNumbers,
-    comparison: LawComparison,
-    steps: KeptSteps,
+    task: TreeTask, numbers: LawNumbers, comparison: LawComparison, steps: KeptSteps
 ) -> LawProblem | None:
     """Compare a file with its law, at drawn or evaluated states; None if none is comparable."""
     evaluated = steps.evaluated(comparison)

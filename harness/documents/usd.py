@@ -6,6 +6,7 @@ asset's folder unless that is allowed.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -98,6 +99,8 @@ class UsdStage:
         except ImportError:
             problem = LocationError("reading USD needs usd-core, which is not installed", file=path)
             raise problem.with_remedy("pip install 'physics-crosscheck[usd]'") from None
+        with contextlib.suppress(ImportError):  # OpenUSD takes no schemas after its first stage
+            import newton_usd_schemas  # noqa: F401
         self.pxr: Any = pxr
         self.path, self.obstacles = path, list[ReadError]()
         self._changed: dict[tuple[str, str], Any] = {}
@@ -200,6 +203,13 @@ class UsdStage:
         x, y, z = (size * direction / np.linalg.norm(direction) + 0.0).tolist()  # no -0.0
         return x, y, z
 
+    def gravity_place(self, *, is_turned: bool) -> UsdPlace:
+        """Return the place of the size of gravity, or of its direction."""
+        name = f"physics:gravity{'Direction' if is_turned else 'Magnitude'}"
+        if not is_turned or any(self.stated(self._scene, name) or ()):
+            return self.place(self._scene or self.stage.GetPseudoRoot(), name)
+        return UsdPlace(self.path, self.header_line("upAxis"), "upAxis")
+
     @property
     def settings(self) -> dict[str, object]:
         """Settings of engines that the file states: gravity, and the time step of its scene."""
@@ -244,6 +254,18 @@ class UsdStage:
         attribute = prim.GetAttribute(name) if prim else None
         return self.value(prim, name) if attribute and attribute.HasAuthoredValue() else None
 
+    def actuator_force(self, joint: Any) -> tuple[float, float] | None:
+        """Return the limits of force that `mjc:` states of a joint or its only actuator, in SI."""
+        rows = [joint] if self.stated(joint, "mjc:actuatorfrcrange:max") is not None else [
+            prim for prim in self.prims
+            if prim.GetTypeName() == "MjcActuator"
+            and self.targets(prim, "mjc:target") == [joint.GetPath()]
+        ]  # fmt: skip
+        key = "mjc:actuatorfrcrange" if rows == [joint] else "mjc:forceRange"
+        if len(rows) != 1 or self.stated(rows[0], f"{key}:max") is None:
+            return None
+        return self.value(rows[0], f"{key}:min", 0.0), self.value(rows[0], f"{key}:max", 0.0)
+
     def targets(self, prim: Any, name: str) -> list[Any]:
         """Return the paths that a relationship names."""
         relationship = prim.GetRelationship(name)
@@ -264,6 +286,10 @@ class UsdStage:
                 file = Path(self.path.parent, os.path.relpath(layer.realPath, above))
             return UsdPlace(file, line, address)
         return UsdPlace(self.path, None, address)
+
+    def header_line(self, name: str) -> int | None:
+        """Return the line of metadata of the stage, which only its root layer states."""
+        return layer_lines(self.path).get(f".{name}")
 
     def world(self, prim: Any) -> tuple[Place, Array]:
         """Return the pose of a prim in the world, m, and the scale of its axes, (3,)."""
@@ -298,7 +324,6 @@ class UsdStage:
                 )
 
     def _values(self, numbers: Mapping[Number, float]) -> dict[tuple[str, str], Any]:
-        """Return the values of attributes with other numbers, by prim and name."""
         result: dict[tuple[str, str], Any] = {}
         for number, value in numbers.items():
             path, word = number.address.partition(".")[0], number.word
@@ -407,7 +432,6 @@ def _words(value: Any) -> tuple[float, ...]:
 
 
 def _shortest(attribute: Any, value: float) -> str:
-    """Return the shortest decimal of a value that its type distinguishes."""
     name = str(attribute.GetTypeName())
     is_double = "double" in name or name.endswith("d") or "matrix" in name or name == "int"
     return repr(value) if is_double else str(np.float32(value))
@@ -500,7 +524,6 @@ def _refusal(layer: Any, root: Path, name: str, problem: str, remedy: str) -> Lo
 
 
 def _open(pxr: Any, file: Path) -> Any:
-    """Return a layer as it is on the disk now."""
     try:
         if "[" not in str(file):
             read_regular(file, MAX_MODEL_BYTES)
@@ -531,8 +554,10 @@ def layer_lines(file: Path) -> dict[str, int]:
         kind, path = token.lastgroup, levels[-1]
         text = "" if kind is None else token[kind].decode(errors="replace")
         if text in ("{", "(", "["):
-            levels.append((pending or None) if text == "{" else None)
-            pending = "" if text == "{" else pending
+            is_body = text == "{" and path is not None  # not a dictionary of metadata
+            is_header = text == "(" and levels == [""] and not lines
+            levels.append("" if is_header else (pending or None) if is_body else None)
+            pending = "" if is_body else pending
         elif kind == "bracket":
             levels[1:] = levels[1:-1]
         elif path is not None and text:

@@ -37,12 +37,7 @@ _KEPT = {
 
 
 def copy_mjcf(
-    declared: DeclaredMjcf,
-    *,
-    limits: bool,
-    touches: bool,
-    resolved: bool,
-    refs: bool = True,
+    declared: DeclaredMjcf, *, limits: bool, touches: bool, resolved: bool, refs: bool = True
 ) -> XmlElement:
     """Return the copy.
 

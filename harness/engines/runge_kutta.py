@@ -230,10 +230,7 @@ def _step_plain(
     a3 = acceleration(x + half * m2, m3, f)
     m4 = m + h * a3
     a4 = acceleration(x + h * m3, m4, f)
-    return (
-        x + sixth * (m + m4 + 2 * (m2 + m3)),
-        m + sixth * (a1 + a4 + 2 * (a2 + a3)),
-    )
+    return (x + sixth * (m + m4 + 2 * (m2 + m3)), m + sixth * (a1 + a4 + 2 * (a2 + a3)))
 
 
 def _weighted_sum(stages: list[Array]) -> Array:

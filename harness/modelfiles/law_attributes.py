@@ -54,10 +54,7 @@ Row = (
 
 
 def _soft(suffix: str = "") -> dict[str, tuple[str, ...]]:
-    return {
-        f"solref{suffix}": ("softness.reference",),
-        f"solimp{suffix}": ("softness.impedance",),
-    }
+    return {f"solref{suffix}": ("softness.reference",), f"solimp{suffix}": ("softness.impedance",)}
 
 
 ATTRIBUTES: Mapping[type, Mapping[str, tuple[str, ...]]] = {

@@ -179,7 +179,6 @@ def _walk(model: Path) -> tuple[dict[Path, bool], int]:
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether the path is a plain file."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):  # not there, or a name that the file system rejects

@@ -104,7 +104,6 @@ class Plan:
     def _can_run(
         self, target: TargetPlan, file: Sidecar | Path, engine: str, cases: Sequence[CaseId]
     ) -> bool:
-        """Return whether a model can run in an engine; otherwise report its cases."""
         folder = str(target.place)
         if why := cannot_run(self._engines, engine, file):
             for case in cases:

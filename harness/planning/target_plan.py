@@ -51,11 +51,7 @@ class TargetPlan:
     """
 
     def __init__(
-        self,
-        place: Path,
-        options: Options,
-        results: ResultBuilder,
-        before: Accepted | None = None,
+        self, place: Path, options: Options, results: ResultBuilder, before: Accepted | None = None
     ) -> None:
         self.place, self.options, self.results = place, options, results
         self.standalone = place.is_file()

@@ -56,7 +56,6 @@ def _statement(cause: Cause, name: str, fitted: str) -> str:
 
 
 def _fitted(value: Number, error: Number) -> str:
-    """Format a fitted value and its standard error."""
     if value is None or error is None:
         return f"{_digits(value)} ± unknown"
     digits = digits_known(value, error)

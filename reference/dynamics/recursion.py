@@ -286,7 +286,6 @@ class Recursion:
         return np.concatenate(out)
 
     def _joint_force(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
-        """Return the joint force of a force and its moment about the link's origin."""
         numbers = self._links[link]
         result: Scalars = weighted(numbers.turning.T, moment)
         result = result + weighted(numbers.sliding.T, force)

@@ -423,7 +423,6 @@ class _Muscle:
 
 
 def _muscle_rate(control: float, state: float, constants: Numbers) -> float:
-    """Return the rate of a muscle's activation."""
     rise, fall, width = constants[:3]
     excess = float(np.clip(control, 0, 1)) - state
     factor = 0.5 + 1.5 * float(np.clip(state, 0, 1))

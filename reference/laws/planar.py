@@ -488,7 +488,6 @@ def _cross(first: Array, other: Array) -> float:
 
 
 def _rotated(angles: Array, points: Array) -> Array:
-    """Return points (K, 2), each rotated by its angle."""
     c, s = np.cos(angles), np.sin(angles)
     x, y = points.T
     return np.stack([c * x - s * y, s * x + c * y], axis=1)

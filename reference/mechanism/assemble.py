@@ -133,7 +133,6 @@ def _inertia(link: TreeLink) -> SpatialInertia:
 
 
 def _carrying(link: TreeLink, inertia: SpatialInertia) -> TreeLink:
-    """Return a link with another inertia."""
     return replace(link, mass=inertia.mass, center=inertia.center, inertia=inertia.inertia)
 
 

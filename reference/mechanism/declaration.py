@@ -72,7 +72,6 @@ def _row(row: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Return a number or an expression."""
     if isinstance(value, (str, bytes)):
         raise _text(value)
     return sp.sympify(value)

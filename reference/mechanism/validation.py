@@ -186,7 +186,6 @@ def _check_units(system: Declaration, where: str) -> None:
 def _check_formula(
     item: Output | Quantity, symbols: Mapping[sp.Symbol, Dimension], place: str
 ) -> None:
-    """Check that a formula has its declared unit."""
     expression = sp.sympify(item.expression)
     check_symbols(expression, symbols, place)
     try:

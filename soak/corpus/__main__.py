@@ -152,7 +152,6 @@ def _run_chunk(
 
 
 def _kill_session(process: subprocess.Popen[str]) -> None:
-    """Kill the remaining processes of a session."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
 

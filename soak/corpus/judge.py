@@ -221,7 +221,6 @@ def _general_problems(code: int | None, printed: str) -> list[str]:
 
 
 def _entry_problems(entry: CorpusEntry, code: int | None, printed: str) -> list[str]:
-    """Return the problems with the exit code and the messages of an entry."""
     wrong = []
     if code not in entry.codes:
         wrong.append(f"exit code {code}, not {' or '.join(map(str, entry.codes))}")
@@ -259,7 +258,6 @@ def _hostile_folder_result(
 
 
 def _sound_folder_agrees(results: Results) -> bool:
-    """Return whether every case of the sound folder agrees."""
     cases = [case for case in results.cases if case.folder.endswith("/sound")]
     return bool(cases) and all(case.outcome is Outcome.AGREES for case in cases)
 
@@ -317,7 +315,6 @@ def _stray_files(workspace: Path, expected: set[str]) -> list[str]:
 
 
 def _files_in_working_folder(workspace: Path) -> list[Path]:
-    """Return the files that an entry created in the working folder."""
     ours = ("soak-", "pymp-", ".", "hangs")
     return [p for p in Path.cwd().iterdir() if p != workspace and not p.name.startswith(ours)]
 

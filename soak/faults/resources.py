@@ -39,7 +39,6 @@ def resource_faults() -> Iterator[Fault]:
 
 
 def _run_in_shell(box: Sandbox, script: str) -> ProcessResult:
-    """Run a shell script in which `RUN` stands for the run."""
     run = " ".join(map(shlex.quote, box.command()))
     command = ["bash", "-c", script.replace("RUN", run)]
     return box.wait(box.start(command))

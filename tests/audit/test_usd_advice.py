@@ -42,6 +42,7 @@ BINDING = "            rel material:binding:physics = </arm/rubber>\n"
 TENSOR = "        double[] newton:inertia = [0.0035, 0.003, 0.0011, 0, 0, 0]\n"
 ZERO = "        double[] newton:inertia = [0, 0, 0, 0, 0, 0]\n"
 ROOT, BODY = '"PhysicsArticulationRootAPI"', ' "base" (prepend apiSchemas = ['
+NESTED = f"(prepend apiSchemas = [{ROOT}, "
 SCALED = """{
     double3 xformOp:scale = (1, 1, 2)
     uniform token[] xformOpOrder = ["xformOp:scale"]"""
@@ -85,6 +86,7 @@ def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
     [
         ("XC187", 14, None, None, [
             (f"[{ROOT}]", '["GeomModelAPI"]'), (BODY, f"{BODY}{ROOT}, ")]),
+        ("XC187", 27, None, None, [(BODY.replace("base", "lower"), f' "lower" {NESTED}')]),
         ("XC188", 30, None, 0.0, [("mass = 0.75\n", "mass = 0\n")]),
         ("XC188", 32, None, 0.75, [(LOWER, "(0, 0, 0)\n" + ZERO)]),
         ("XC189", 61, 1.74533, 100, [("stiffness = 0.5", "stiffness = 100")]),
@@ -102,13 +104,9 @@ def test_says_nothing_about_a_sound_arm(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_names_a_planted_fault_with_its_line_and_numbers(
-    tmp_path: Path,
-    code: str,
-    line: int,
-    expected: float | None,
-    actual: float | None,
+    tmp_path: Path, code: str, line: int, expected: float | None, actual: float | None,
     edits: list[tuple[str, str]],
-) -> None:
+) -> None:  # fmt: skip
     (finding,) = advice(tmp_path, *edits)
     assert finding.code == code
     assert finding.location is not None

@@ -162,9 +162,8 @@ def test_free_and_ball_joints_match_mujoco(joint: str, tmp_path: Path) -> None:
     """Compare velocities, forces and rotations in the same coordinates."""
     inertial = '<inertial pos="0.1 -0.2 0.3" mass="2" diaginertia="0.1 0.2 0.25"/>'
     model = mjcf(tmp_path, f"<body>{joint}{inertial}</body>")
-    other = engines()["mujoco"].load(
-        ModelSpec(tmp_path / "sample.xml", settings={"integrator": "RK4"})
-    )
+    spec = ModelSpec(tmp_path / "sample.xml", settings={"integrator": "RK4"})
+    other = engines()["mujoco"].load(spec)
     assert model.coordinates == other.coordinates
     rng = np.random.default_rng(1)
     q, v = rng.normal(size=(2, 3, len(model.coordinates)))
@@ -199,14 +198,21 @@ def test_a_usd_arm_accelerates_as_its_equations(up: str, tmp_path: Path) -> None
 
 def test_what_newton_makes_of_a_usd_file_has_a_cause(tmp_path: Path) -> None:
     root = '(\n    prepend apiSchemas = ["PhysicsArticulationRootAPI"]\n)'
-    with pytest.raises(EngineError, match="Orphan joints"):
+    with pytest.raises(EngineError, match=r"arm.usda:\d+: joint /arm/\w+ is in no articulation"):
         usd(tmp_path, edited((root, "")))
     usd(tmp_path, edited((root, "")), articulations=True)
     zeros = ("= (0.0035, 0.003, 0.001)", "= (0, 0, 0)")
     point = usd(tmp_path, edited(zeros))
     assert any("inertias that Newton changes (lower)" in one for one in point.corrective_settings)
-    with pytest.raises(EngineError, match="converts no units"):
+    with pytest.raises(EngineError, match=r"arm.usda:4: metersPerUnit is 0.01; Newton converts no"):
         usd(tmp_path, edited(("metersPerUnit = 1", "metersPerUnit = 0.01")))
+    follows = "rel newton:mimicJoint = </arm/shoulder>\n        float newton:damping"
+    usd(
+        tmp_path,
+        edited(('"NewtonJointAPI"', '"NewtonMimicAPI"'), ("float newton:damping", follows)),
+    )
+    words = ["--engine", "newton", "--smooth", "--out", str(tmp_path / "out")]
+    assert main(["run", str(tmp_path / "arm.usda"), *words]) == 0  # read before the schemas
 
 
 def test_a_mass_below_the_precision_of_motions_differs_by_the_equations(

@@ -102,10 +102,8 @@ def test_block_slides_on_an_incline(scenario: str) -> None:
 
 def test_block_sticks_on_a_flat_slope() -> None:
     system, _ = built_in("incline_block")
-    steep = replace(
-        system,
-        constants=tuple(replace(c, value=0.6) if c.name == "mu" else c for c in system.constants),
-    )
+    constants = tuple(replace(c, value=0.6) if c.name == "mu" else c for c in system.constants)
+    steep = replace(system, constants=constants)
     still = solve_events(derive(steep), steep.scenario("slide"))
     assert still.events == ()
     assert np.all(still.end == 0)
@@ -138,10 +136,8 @@ def test_ball_rolls_down_a_slope() -> None:
 
 def test_ball_slides_down_a_steep_slope() -> None:
     system, c = built_in("slope_ball")
-    smooth = replace(
-        system,
-        constants=tuple(replace(x, value=0.1) if x.name == "mu" else x for x in system.constants),
-    )
+    constants = tuple(replace(x, value=0.1) if x.name == "mu" else x for x in system.constants)
+    smooth = replace(system, constants=constants)
     sliding = solve_events(derive(smooth), smooth.scenario("roll"))
     a = c["g"] * (np.sin(c["th"]) - 0.1 * np.cos(c["th"]))
     turn = 5 / 2 * 0.1 * c["g"] * np.cos(c["th"]) / c["R"]

@@ -20,12 +20,13 @@ from tests.robots.usd import ARM, crate, edited, read_usd
 
 pytest.importorskip("pxr")
 
-Q, V = np.array([[0.3, -0.7]]), np.array([[1.1, -0.4]])
+Q = np.array([[0.3, -0.7, 0.4]])
 
 
 def mechanics(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     """Return mass matrix and forces at one state."""
-    mass, force = TreeEquations(robot_system(robot)).mechanics(Q, V, np.zeros((1, 2)))
+    q = Q[:, : tree_of(robot).dof]
+    mass, force = TreeEquations(robot_system(robot)).mechanics(q, 2 * q - 1, np.zeros_like(q))
     return mass[0], force[0]
 
 
@@ -181,7 +182,8 @@ def test_each_number_has_its_layer_prim_and_line(tmp_path: Path) -> None:
 
 def test_lines_are_those_of_variants_and_not_of_comments(tmp_path: Path) -> None:
     text = (
-        '#usda 1.0\ndef Xform "a" (\n    doc = """def "no" {\n"""\n)\n{\n    # float x = 1 {\n'
+        '#usda 1.0\ndef Xform "a" (\n    doc = """def "no" {\n""" customData = {}\n)\n{\n'
+        "    # float x = 1 {\n"
         '    string s = "}"\n    variantSet "v" = {\n        "one" {\n            float x = 2\n'
         '            def "in"\n            {\n                float y.timeSamples = {\n'
         "                    0: 1,\n                }\n            }\n        }\n    }\n"
@@ -295,3 +297,17 @@ def test_each_number_has_a_size_so_that_coverage_can_change_it(tmp_path: Path) -
     rows = numbers(tmp_path / "arm.usda", {}).numerals
     assert {one.value for one in rows} >= {0.0}
     assert min(one.scale for one in rows) > 0
+
+
+def test_hinges_between_the_same_bodies_are_stacked_if_the_root_says_so(tmp_path: Path) -> None:
+    elbow = ARM[ARM.index('    def PhysicsRevoluteJoint "elbow"') :]
+    swing = elbow.replace('"elbow"', '"swing"').replace('"X"', '"Y"')
+    both = ARM.rstrip().removesuffix("}") + swing
+    assert "usda:57: /arm/swing: joint 'swing' joins" in str(read_usd(tmp_path, both).obstacles[0])
+    flagged = both.replace("{\n    def", "{\n uniform bool newton:jointsAddMobility = 1\n def", 1)
+    robot, joint = read_usd(tmp_path, flagged), MJCF.splitlines()[-2].removesuffix("</body>")
+    second = joint.replace("elbow", "swing").replace("1 0 0", "0 1 0")
+    (tmp_path / "arm.xml").write_text(MJCF.replace(joint, joint + second))
+    expected = mechanics(read_robot(tmp_path / "arm.xml"))
+    for mine, its in zip(mechanics(robot), expected, strict=True):
+        assert mine == pytest.approx(its, rel=1e-6, abs=1e-6)

@@ -115,7 +115,6 @@ def _smallest(facts: RobotFacts, equality: SoftEquality) -> tuple[float, float]:
 
 
 def _equality_line(facts: RobotFacts, kind: str, names: Sequence[str]) -> SourceLine:
-    """Return the line of the equality of two bodies."""
     for root in facts.roots:
         sites = {site.get("name"): site.parent for site in root.iter("site")}
         for element in root.findall(f"equality/{kind}"):

@@ -39,6 +39,8 @@ SATURATED = 2.0
 
 QUATERNIONS = ("quatf", "quatd", "quath")
 
+ROOT = "PhysicsArticulationRootAPI"
+
 FORCE, MOMENTS = "largest force", "physics:diagonalInertia"
 
 STATED: Mapping[str, Mapping[str, float]] = {
@@ -112,10 +114,19 @@ def _has(prim: Any, schema: str) -> bool:
 
 
 def articulation_roots(facts: StageFacts) -> UsdAdvice:
-    """Yield articulation roots on the body of a fixed base."""
+    """Yield articulation roots on the body of a fixed base, and those below another one."""
+    for prim in (one for one in facts.stage.prims if _has(one, ROOT)):
+        above = (facts.stage.stage.GetPrimAtPath(up) for up in prim.GetPath().GetAncestorsRange())
+        outer = next((one for one in above if one != prim and _has(one, ROOT)), None)
+        if outer:
+            message = (
+                f"{prim.GetPath()} has an articulation root, and so has {outer.GetPath()} above it:"
+                f" engines refuse nested roots or cut the tree there. Remove {ROOT} from the first"
+            )
+            yield facts.advice("articulation root", [prim], message)
     for joint in facts.joints:
         body = facts.stage.bodies[next(end for end in joint.ends if end)]
-        if _fixes(facts.stage, joint, body) and _has(body, "PhysicsArticulationRootAPI"):
+        if _fixes(facts.stage, joint, body) and _has(body, ROOT):
             message = (
                 f"the articulation root is on the body {quote(body.GetName())}, which "
                 f"{joint.prim.GetPath()} fixes to the world: engines simulate a free base and an "
@@ -127,7 +138,8 @@ def articulation_roots(facts: StageFacts) -> UsdAdvice:
 def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
     """Return a layer over a stage that repairs roots and quaternions; empty without any of them.
 
-    It moves articulation roots of fixed bases to their joints, and normalizes quaternions.
+    It moves articulation roots of fixed bases to their joints, removes nested ones, and normalizes
+    quaternions.
     """
     stage = UsdStage(file, {})
     joints, session = StageFacts(stage).joints, stage.stage.GetSessionLayer()
@@ -135,11 +147,11 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
         for fault in findings:
             prim = stage.stage.GetPrimAtPath(fault.subject[0])
             if fault.kind == "articulation root":
-                base = next(joint.prim for joint in joints if _fixes(stage, joint, prim))
+                base: Any = next((one.prim for one in joints if _fixes(stage, one, prim)), None)
                 for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():  # unknown ones too
-                    if "Articulation" in name and base.AddAppliedSchema(name):
+                    if "Articulation" in name and (not base or base.AddAppliedSchema(name)):
                         prim.RemoveAppliedSchema(name)
-                for member in prim.GetAuthoredAttributes():
+                for member in prim.GetAuthoredAttributes() if base else ():
                     if "rticulation" in (name := member.GetName()):
                         base.CreateAttribute(name, member.GetTypeName()).Set(member.Get())
             elif fault.kind == "quaternion" and not prim.IsInstanceProxy():
@@ -152,7 +164,6 @@ def repaired(file: Path, findings: Iterable[AuditFinding]) -> str:
 
 
 def _fixes(stage: UsdStage, joint: UsdJoint, body: Any) -> bool:
-    """Return whether a joint fixes a body to the world."""
     ends = [stage.bodies[end] for end in joint.ends if end]
     return joint.kind == "fixed" and ends == [body]
 

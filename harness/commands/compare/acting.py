@@ -51,7 +51,6 @@ def _is_compiled(facts: Facts) -> bool:
 
 
 def _table(facts: Facts, *, by_shape: bool) -> Mapping[_Key, ActingQuantity]:
-    """Return a file's quantities by subject and name; none if its engine has no law."""
     candidate = facts.candidate
     if facts.compiled is not None and _is_compiled(facts):
         rows = acting_quantities(facts.compiled, apart=True, by_shape=by_shape)
@@ -89,7 +88,6 @@ def _clamped_elsewhere(a: ActingQuantity, b: ActingQuantity) -> bool:
 
 
 def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
-    """Return the usual mistake that a difference of friction or of a drive fits."""
     (subject, quantity), rows = key, [table.get(key) for table in tables]
     here, there = (None if row is None else row.value for row in rows)
     if quantity == DRAG:
@@ -108,7 +106,6 @@ def _cause(key: _Key, *tables: Mapping[_Key, ActingQuantity]) -> str:
 def _drive_cause(
     quantity: str, rows: Sequence[ActingQuantity | None], here: float, there: float
 ) -> str:
-    """Return the usual mistake that a difference of a drive fits, or ""."""
     if quantity == FREQUENCY and here and there:
         ratio = math.degrees(1.0)
         for label, factor in (("A", (here / there) ** 2), ("B", (there / here) ** 2)):
@@ -133,7 +130,6 @@ def _unresolved(rows: Sequence[ActingQuantity | None]) -> str:
 
 
 def _by_solver(rows: Sequence[ActingQuantity | None]) -> str:
-    """Return the rule of an impulse solver in the only file whose engine has one, or ""."""
     words = ("product", "harmonic", "slop", "step", "impulse")
     labelled = [rule for rule in _labelled_rules(rows) if any(word in rule for word in words)]
     return labelled[0] if len(labelled) == 1 else ""

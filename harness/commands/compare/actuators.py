@@ -50,7 +50,6 @@ def _unnamed_target(joints: set[str]) -> Callable[[CompiledActuator], str]:
 def _add_pairs(
     pairs: dict[int, tuple[int, str]], how: str, of_a: Sequence[str], of_b: Sequence[str]
 ) -> None:
-    """Pair the remaining actuators with equal keys, in order."""
     paired_b = {j for j, _ in pairs.values()}
     free = [j for j in range(len(of_b)) if j not in paired_b]
     for i, key in enumerate(of_a):
@@ -83,7 +82,6 @@ def held_alike(a: CompiledTree, b: CompiledTree, pairs: Pairs[int]) -> tuple[Hel
 
 
 def _state(compiled: CompiledTree, index: int) -> float:
-    """Return an initial state: within its range, its control's range, or 0 to 1."""
     owner = next((one for one in compiled.actuators if index in one.states), None)
     ranges = {} if owner is None else dict(owner.ranges)
     low, high = ranges.get("state range") or ranges.get("control range") or (0.0, 1.0)

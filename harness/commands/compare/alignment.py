@@ -213,11 +213,7 @@ def _joint(
 
 
 def _zero(
-    placed_a: PlacedTree,
-    placed_b: PlacedTree,
-    pair: LinkPair,
-    moved: Place,
-    carried: _Carried,
+    placed_a: PlacedTree, placed_b: PlacedTree, pair: LinkPair, moved: Place, carried: _Carried
 ) -> tuple[float, float, Place]:
     """Return B's zero offset, shift along the axis and transformation.
 

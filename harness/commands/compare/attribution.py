@@ -127,7 +127,6 @@ def _largest_first(trial: FileDifference) -> tuple[float, float, int]:
 
 
 def _silent(trials: Sequence[FileDifference], quiet: Sequence[FileEdit]) -> tuple[FileEdit, ...]:
-    """Return differences without a known effect on any run, except quiet ones."""
     silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or one.moved == 0))
     return tuple(edit for edit in (one.edits[0] for one in silent) if edit not in quiet)
 
@@ -159,7 +158,6 @@ def _actuation(a: Candidate, b: Candidate) -> dict[str, list[float]]:
 
 
 def _size(edit: SourceEdit) -> float:
-    """Return the relative change of a number, or 1 for anything else."""
     try:
         old, new = float(edit.record.a), float(edit.record.b)
     except ValueError:
@@ -169,11 +167,7 @@ def _size(edit: SourceEdit) -> float:
 
 
 def _bench(
-    executor: Executor,
-    prepared: PreparedComparison,
-    recorded: Recorded,
-    followed: Ends,
-    count: int,
+    executor: Executor, prepared: PreparedComparison, recorded: Recorded, followed: Ends, count: int
 ) -> Callable[[Sequence[tuple[SourceEdit, ...]]], list[FileDifference]]:
     """Run both models, unmodified, on some of the runs; return a trial of sets of edits in A.
 
@@ -279,7 +273,6 @@ UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
 
 
 def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> Candidate:
-    """Return a copy of the model with edits; link to the other files of its folder."""
     model = candidate.sidecar.model
     copy = copy_with_texts(model, {model: applied(model.read_bytes(), tuple(edits))}, folder)
     sidecar = replace(candidate.sidecar, model=copy)
@@ -299,7 +292,6 @@ def _edited(candidate: Candidate, edits: Sequence[SourceEdit], folder: Path) -> 
 
 
 def _difference(edits: Sequence[SourceEdit], **result: object) -> FileDifference:
-    """Return the record of edits, applied together; without a result they move nothing."""
     values = {"moved": 0.0, "explained": 0.0, "not_tried": "", **result}
     return FileDifference(edits=tuple(edit.record for edit in edits), **values)  # type: ignore[arg-type]
 

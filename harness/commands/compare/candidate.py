@@ -9,6 +9,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
+from physics_crosscheck.harness.documents.usd import UsdStage
 from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
 from physics_crosscheck.harness.engines.protocol import Array, Engine, LoadedModel
 from physics_crosscheck.harness.engines.registry import engines, engines_reading, missing
@@ -323,7 +325,6 @@ def _choices(label: str, path: Path, engine: str | None) -> tuple[Path, Sidecar 
 
 
 def _usable(sidecar: Sidecar | None, wanted: list[str]) -> list[str]:
-    """Return installed engines; without a sidecar, those that follow the file first."""
     installed = [name for name in wanted if engines()[name].version() is not None]
     if sidecar is None:
         adds = {name: bool(engines()[name].massless_link_default) for name in installed}
@@ -354,8 +355,10 @@ def _wanted(label: str, path: Path, requested: str | None, sidecar: Sidecar | No
 
 
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
-    """Build a sidecar for a file without one, with defaults for what its format cannot state."""
     settings = dict(engine.settings_for(path.suffix))
+    stated = UsdStage(path, {}).settings if path.suffix in USD_SUFFIXES else {}
+    assumed = [_spoken(key, value) for key, value in sorted(settings.items()) if key not in stated]
+    settings.update(stated)
     sidecar = Sidecar(
         model=path,
         engines=(engine.name,),
@@ -365,7 +368,6 @@ def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
         readback={},
         springs=(),
     )
-    assumed = [_spoken(key, value) for key, value in sorted(settings.items())]
     if not assumed:
         return sidecar, ()
     note = f"{path.name} has no sidecar: {' and '.join(assumed)}"

@@ -57,7 +57,15 @@ from physics_crosscheck.reference.solving.segments import Segments
 from .acting import compare_acting
 from .attribution import Attribution, attributed
 from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
-from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
+from .judge import (
+    FLOAT_DIGITS,
+    Judgement,
+    Recorded,
+    explained,
+    judge,
+    judged_by_equations,
+    recorded_runs,
+)
 from .laws import compare_laws
 from .match import Match, pairs_of
 from .prepared import PreparedComparison, omission_notes, prepare
@@ -194,7 +202,6 @@ def compare(
 
 
 def _prepared(executor: Executor, options: CompareOptions) -> PreparedComparison:
-    """Load both models; in the next engine that both share, if the first one can't load them."""
     try:
         return prepare(executor, options.a, options.b, options.joints, options.include_constraints)
     except FailureError:
@@ -211,7 +218,6 @@ def _decided(
     compared: Compared,
     unknown: Sequence[ComparedProperty],
 ) -> tuple[Compared, Outcome, str]:
-    """Return the outcome and its reason, from motions, laws and what the files state."""
     outcome, reason = motions.judgement.outcome, motions.judgement.verdict.reason
     if outcome is Outcome.UNRESOLVED and is_same_model(*prepared.models):
         return compared, Outcome.AGREES, ""
@@ -294,9 +300,6 @@ STILL = 1e-12
 PLACES = ("anchor", "axis")
 """Kinds of differences of places of joints; if no motion shows one, contacts and poses may."""
 
-FLOAT_DIGITS = 5e-7
-"""Largest relative rounding of numbers that USD stores in 32 bits."""
-
 _NUMBERS = re.compile(rb"(?<![\w.])[-+]?0*\.?0*([1-9][\d.]*)(?:[eE][-+]?\d+)?(?![\w.])")
 
 
@@ -358,7 +361,6 @@ def unknown_edits(
 
 
 def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedProperty, ...] | None:
-    """Return the numbers of both files' laws that differ; None without a law or if one fails."""
     source = prepared.source_first(prepared.facts)[0]
     read = partial(compare_laws, pairs=pairs_of(prepared.match, source.coordinates))
     (rows,) = ask_each(executor, prepared.models[0], read, [prepared.facts])
@@ -366,13 +368,11 @@ def _laws(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedPro
 
 
 def _acting(executor: Executor, prepared: PreparedComparison) -> tuple[ComparedActing, ...]:
-    """Return what both files' numbers act as where they differ; nothing if an engine fails."""
     (rows,) = ask_each(executor, prepared.models[0], compare_acting, [prepared.facts])
     return () if isinstance(rows, Failure) else rows
 
 
 def _scenes(executor: Executor, sides: tuple[ModelSide, ModelSide] | None) -> tuple[Scene, ...]:
-    """Return the scenes of both models; none if one is not a tree. Meshes may fail."""
     scenes = ask_each(executor, sides[0].facts.candidate, side_scene, sides) if sides else []
     return tuple(one for one in scenes if not isinstance(one, Failure))
 
@@ -425,7 +425,6 @@ class _Motions:
 
 
 def _motions(executor: Executor, options: CompareOptions, prepared: PreparedComparison) -> _Motions:
-    """Run both models, and compare their motions and their files."""
     match = prepared.match
     start = start_range(*prepared.source_first(prepared.facts), match)
     recorded = _recorded(executor, options, prepared, start)
@@ -499,7 +498,6 @@ def _judged(
     resolution: float,
     signs: Array,
 ) -> _Turned:
-    """Run the target from the source's states, with some reversed joints."""
     target = prepared.source_first(prepared.models)[1]
     run = partial(run_target, runs=recorded.compared, signs=signs, resolution=resolution)
     followed = ask(executor, target, run, target)
@@ -547,6 +545,8 @@ def _causes(
     if files.sides is not None:
         sides = prepared.source_first(files.sides)
         share = explained(sides, prepared.match, motions.recorded, turned.followed, turned.signs)
+        if files.moving and motions.judgement.by_equations:
+            share = 1.0, share[1] if share else (np.nan, np.nan)  # the engines' digits don't count
     by_files = files.moving and share is not None and share[0] >= MIN_EXPLAINED_SHARE
     if by_files or any(cause is not None and cause.explained for _, cause in own_files):
         return share, ()
@@ -630,7 +630,6 @@ def without_laws(
 
 
 def _impossible(prepared: PreparedComparison) -> tuple[str, ...]:
-    """Return messages about impossible inertias of moving links."""
     robots = [own.robot for own in prepared.facts if own.robot is not None]
     messages = [
         str(one)
@@ -648,7 +647,6 @@ def _untested(
     attribution: Attribution,
     laws: tuple[ComparedProperty, ...] | None,
 ) -> tuple[str, ...]:
-    """Return real or possible differences that do not change the outcome."""
     agrees = judgement.outcome is Outcome.AGREES
     messages = [one.message for one in files.properties if agrees or not one.moves]
     messages += [one.message for one in laws or () if agrees or not one.effect]
@@ -661,7 +659,6 @@ def _untested(
 def _notes(
     prepared: PreparedComparison, recorded: Recorded, start: StartRange, *, by_law: bool
 ) -> tuple[str, ...]:
-    """Return assumptions and actions, without duplicates."""
     source, lost = prepared.match.source, recorded.lost
     notes = [note for one in prepared.models for note in one.notes]
     notes += [*omission_notes(prepared, by_law=by_law), *prepared.notes]

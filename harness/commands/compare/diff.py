@@ -18,7 +18,7 @@ from physics_crosscheck.harness.documents.elements import (
     text_span,
 )
 from physics_crosscheck.harness.documents.errors import LocationError
-from physics_crosscheck.harness.documents.reading import SourceFile, Span, apply_edits
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES, SourceFile, Span, apply_edits
 from physics_crosscheck.harness.modelfiles.locations import MARKUP, find, read_source
 from physics_crosscheck.harness.modelfiles.locations.xml import find_words
 from physics_crosscheck.harness.records.base import SourceLine
@@ -171,7 +171,6 @@ class _Xml:
 
 
 def _label(element: XmlElement) -> str:
-    """Return an address of an element that begins with the nearest one that has a name."""
     steps, named = 1, element
     while (
         "name" not in named.attributes
@@ -266,7 +265,6 @@ def _parsed(path: Path) -> ast.Module:
 
 
 def _code_line(file: Path, code: Sequence[tuple[str, int]], index: int) -> SourceLine:
-    """Return the line of a statement, or of the last one of shorter code."""
     return SourceLine(file=str(file), line=code[min(index, len(code) - 1)][1] if code else 1)
 
 
@@ -297,7 +295,8 @@ class _Numbers(ast.NodeTransformer):
 
 
 def _settings(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
-    """Yield differences of settings and springs, stated in the sidecars or assumed."""
+    if a.bare and b.bare and a.sidecar.model.suffix in USD_SUFFIXES:
+        return  # stages state them
     stated_a, stated_b = _stated(a), _stated(b)
     for key in dict.fromkeys([*stated_a, *stated_b]):
         old, new = stated_a.get(key), stated_b.get(key)
@@ -337,7 +336,6 @@ def _line(location: Number) -> SourceLine:
 
 
 def _bound(a: Candidate, b: Candidate) -> Iterator[SourceEdit]:
-    """Yield unlike literals, across formats, that both sidecars bind to one expression."""
     bound_a, bound_b = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
     for expression in (one for one in bound_a if one in bound_b):
         try:

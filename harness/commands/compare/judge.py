@@ -20,6 +20,9 @@ from .segments import SOURCE_SHARE, Ends, own_forces, reversed_segments, unwrapp
 from .side import Difference, FileEquations, ModelSide
 from .states import SampledStates
 
+FLOAT_DIGITS = 5e-7
+"""Largest relative rounding of numbers that USD stores in 32 bits."""
+
 EQUAL_TOLERANCE = 1e-6
 """Relative tolerance for equal differences, such as those of identical legs."""
 
@@ -91,11 +94,13 @@ class Judgement:
         verdict: of the target against the source.
         by_component: the largest difference of each component, relative, (2m,).
         certain: which of these exceed their uncertainty in some run, (2m,).
+        by_equations: whether the equations of both files decide, without an engine.
     """
 
     verdict: CaseJudgement
     by_component: Array
     certain: NDArray[np.bool_]
+    by_equations: bool = False
 
     @property
     def outcome(self) -> Outcome:
@@ -258,11 +263,12 @@ def judged_by_equations(
         verdict=verdict,
         by_component=np.concatenate([by_component, by_component]),
         certain=np.concatenate([certain, certain]),
+        by_equations=True,
     )
 
 
 def weighed(
-    differences: Sequence[Difference], a: ModelSide, runs: Segments | None
+    differences: Sequence[Difference], a: ModelSide, runs: Segments | None, rounding: float = 0.0
 ) -> tuple[ComparedProperty, ...]:
     """Return differences with their effects on A's motions, the largest first.
 
@@ -272,6 +278,7 @@ def weighed(
         differences: of the files.
         a: contents of A.
         runs: of A, with forces on its own coordinates; None if these are unknown.
+        rounding: relative difference up to which no effect is computed.
     """
     effects: list[float | None] = [None] * len(differences)
     if runs is not None:
@@ -281,8 +288,8 @@ def weighed(
             scale = movement(ends, part.start)
             first = a.equations.accelerations(part)
             size = np.max(np.abs(first), axis=0)
-            for i, (_, tree) in enumerate(differences):
-                if tree is None:
+            for i, (row, tree) in enumerate(differences):
+                if tree is None or (row.relative or 1.0) <= rounding:
                     continue
                 equations = FileEquations(tree, a.facts.coordinates)
                 effect = np.max(np.abs(equations.ends(part) - ends) / scale)

@@ -199,7 +199,6 @@ class SoftRows:
 
     @cached_property
     def _shape_keys(self) -> list[Key]:
-        """Names of all shapes, or their bodies and their order there."""
         keys: list[Key] = []
         count = Counter[str]()
         names = shape_names(self.compiled)
@@ -217,7 +216,6 @@ class SoftRows:
         return keys
 
     def _joint(self, index: int) -> str | None:
-        """Return the name by which the other file calls a joint, or None."""
         return self.joints.get(self.compiled.joints[index])
 
     def _tendon(self, index: int) -> str:

@@ -118,7 +118,6 @@ def _have_common_rows(a: _LawSide, b: _LawSide) -> bool:
 
 
 def _load_laws(facts: Facts) -> _LawSide | None:
-    """Load a model with all its forces; None without a law."""
     candidate = facts.candidate
     if not candidate.bare:
         return None
@@ -138,7 +137,6 @@ def _load_laws(facts: Facts) -> _LawSide | None:
 
 
 def _shipped(candidate: Candidate) -> ModelSpec:
-    """Return a model without the settings that the comparison adds, except its root."""
     spec = candidate.sidecar.spec(candidate.engine)
     added = candidate.given - {"floating"}
     return replace(
@@ -216,7 +214,6 @@ def _soft_sides(
 
 
 def _in_a(row: LawRow, pairs: Mapping[str, JointPair], indices: Mapping[str, int]) -> LawRow:
-    """Return a row of B with the joint of A, and a limit in its coordinate."""
     if row.key[:2] in _OF_JOINTS and isinstance(row.row, SoftLimit | SoftFriction):
         row = replace(row, row=replace(row.row, joint=indices[row.key[-1]]))
     pair, limit = pairs.get(row.key[-1]), row.row
@@ -284,7 +281,6 @@ def _row_of(laws: Laws | ImpulseLaws, row: LawRow) -> Row:
 def _differences(
     mine: Mapping[Key, LawRow], theirs: Mapping[Key, LawRow]
 ) -> Iterator[_LawDifference]:
-    """Yield attributes that differ; rows that only one file has, last."""
     for key, row in mine.items():
         other = theirs.get(key)
         if other is None:
@@ -303,7 +299,6 @@ def _differences(
 
 
 def _weighed(a: _LawSide, differences: Sequence[_LawDifference]) -> Iterator[ComparedProperty]:
-    """Yield differences with their effect on a step, largest first; equal ones act together."""
     groups: dict[tuple[object, ...], list[_LawDifference]] = {}
     for difference in differences:
         row = difference.a or difference.b
@@ -356,7 +351,6 @@ def _acts(
     touched: Sequence[set[int]],
     parts: set[Part],
 ) -> bool:
-    """Return whether the row of A acts at a state: its part of the laws, or its surfaces."""
     row = difference.a
     if row is None:
         return False
@@ -381,7 +375,6 @@ PARTS: Mapping[str, Mapping[str, str]] = {
 
 
 def _applied(group: Sequence[_LawDifference], laws: L) -> L | None:
-    """Return A's laws with all of B's numbers; None if these have no place there."""
     changed: L | None = laws
     for difference in group:
         changed = None if changed is None else difference.applied(changed)

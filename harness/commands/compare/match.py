@@ -349,7 +349,6 @@ def _given(
     given: tuple[Mapping[str, str], Mapping[str, str]],
     z: Mapping[str, sp.Symbol],
 ) -> dict[str, sp.Expr]:
-    """Return the user's map as expressions of the source's coordinates."""
     expressions: dict[str, sp.Expr] = {}
     forward, backward = given
     label = ("A", "B") if source == "A" else ("B", "A")

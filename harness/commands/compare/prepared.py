@@ -127,7 +127,6 @@ def _lock_differences(
     pairs: Mapping[str, str],
     locked: tuple[Mapping[str, float], ...],
 ) -> Iterator[ComparedProperty]:
-    """Yield different dampings of pairs of joints of which damping locks at least one."""
     if sides[0] is None or sides[1] is None:
         return
     for names in ((a, b) for a, b in pairs.items() if a in locked[0] or b in locked[1]):
@@ -144,7 +143,6 @@ def _lock_differences(
 
 
 def _loop_differences(models: Pair) -> Iterator[ComparedProperty]:
-    """Yield joints that close loops in one file alone: engines without loops leave them out."""
     closing = [
         {name for one in m.robot.left_out if one.what == CLOSING for name in one.where}
         if m.robot
@@ -185,7 +183,6 @@ def _lock(
 
 
 def _with(executor: Executor, models: Pair, settings: Sequence[Mapping[str, object]]) -> Pair:
-    """Return both models with more settings, loaded again where there are any."""
     a, b = (
         _load(executor, model.candidate.with_settings(**more)) if more else model
         for model, more in zip(models, settings, strict=True)
@@ -218,13 +215,11 @@ def _loaded(executor: Executor, models: tuple[Candidate, Candidate]) -> tuple[Pa
 
 
 def _may_float(candidate: Candidate) -> bool:
-    """Return whether a URDF's root may float, since neither sidecar nor settings state it."""
     is_open = candidate.bare and candidate.floating is None
     return is_open and candidate.sidecar.model.suffix == ".urdf"
 
 
 def _floats(model_facts: Facts) -> bool:
-    """Return whether each body that the world carries moves freely."""
     robot = model_facts.robot
     links = () if robot is None or robot.tree is None else robot.tree.links
     kinds = [link.kind for link in links if link.parent == WORLD]
@@ -277,7 +272,6 @@ def _lose_actuators(model: Facts, held: Mapping[str, float]) -> bool:
 
 
 def _is_stated(model: Facts) -> bool:
-    """Return whether a sidecar states a file's actuators."""
     stated = model.candidate.settings
     switched = {"controls", "actuators"} & set(stated) or not stated.get("smooth", False)
     return bool(model.actuators) and bool(switched)
@@ -327,7 +321,6 @@ def _held(model: Facts, names: Sequence[str]) -> dict[str, float]:
 
 
 def _uncompared(models: Pair) -> Iterator[str]:
-    """Yield omissions of files of two formats; position limits are read from both."""
     if len({one.candidate.sidecar.model.suffix for one in models}) == 1:
         return
     for model in models:
@@ -368,7 +361,6 @@ def omission_notes(prepared: PreparedComparison, *, by_law: bool) -> tuple[str, 
 
 
 def _parts(model: Facts) -> tuple[Omission, ...]:
-    """Return what a model's motions leave out."""
     settings = model.candidate.settings
     if model.robot is None or not settings.get("smooth", False):
         return ()

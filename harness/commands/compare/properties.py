@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
@@ -33,7 +34,7 @@ from .alignment import (
     with_link,
 )
 from .candidate import Candidate, Facts, ask
-from .judge import weighed
+from .judge import FLOAT_DIGITS, weighed
 from .match import JointPair, joints_of, pairs_of
 from .prepared import PreparedComparison
 from .side import (
@@ -47,6 +48,9 @@ from .side import (
     values_shown,
 )
 from .stated import stated_properties
+
+MAX_TURNED = 1.0
+"""Angle between two lines above which neither direction of an axis is that of the other, rad."""
 
 ROUNDING = 1e-13
 """Rounding error of a tensor transformed between frames, in units of m r^2."""
@@ -69,7 +73,7 @@ def properties(
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
         single = a.tree.links[row.a].kind in ("hinge", "slide")
-        if single and row.opposite != (pair.slope < 0):
+        if single and row.angle < MAX_TURNED and row.opposite != (pair.slope < 0):
             turned.append(pair.a)
         differences += _joint(a, b, row, pair, size)
         differences += _body_properties(a, b, row, size)
@@ -122,8 +126,9 @@ def _geometry(
     name, u, point = link.name, a.placed.axes[row.a], a.placed.anchors[row.a]
     if row.angle > SAME:
         sign = -1.0 if row.opposite else 1.0  # in the direction of A's
-        vectors = _vector(a.placed.axes[row.a]), _vector(sign * b.placed.axes[row.b])
-        message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
+        both = a.placed.axes[row.a], sign * b.placed.axes[row.b]
+        here, there = (_digits(np.round(one, 12) + 0.0, row.angle) for one in both)
+        message = f"axis of joint {name}: ({here}) in A, ({there}) in B, in the world"
         message += f", {row.angle:.3g} rad apart"
         across = np.cross(u, row.axis)
         motion = turned_about(point, across / np.linalg.norm(across), row.angle)
@@ -173,10 +178,6 @@ def _forces(a: ModelSide, b: ModelSide, row: Aligned, pair: JointPair) -> Iterat
             message = f"rest of the spring of joint {name}: {shown(link_a.rest[0], rest)}"
             changed = with_link(a.tree, row.a, rest=(rest,))
             yield make_property("rest", name, message, a=link_a.rest[0], b=rest, changed=changed)
-
-
-def _vector(values: Array) -> str:
-    return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
 
 
 def _body_properties(a: ModelSide, b: ModelSide, row: Aligned, size: float) -> Iterator[Difference]:
@@ -293,7 +294,6 @@ def _masses(
     parts: tuple[tuple[LinkPart, ...], tuple[LinkPart, ...]],
     masses: tuple[float, float],
 ) -> Iterator[Difference]:
-    """Yield mass differences by link where these explain the total; else that of the body."""
     pairs = [(x.link.mass, y.link.mass, x, y) for x, y in _namesakes(*parts)]
     unequal = [pair for pair in pairs if abs(pair[0] - pair[1]) > SAME * max(pair[:2])]
     remainder = masses[0] - masses[1] - sum(m - n for m, n, *_ in unequal)
@@ -358,7 +358,6 @@ _NOBODY = LinkPart(link=RigidBody(name="", parent=None), line=0)
 
 
 def _unlike(x: LinkPart, y: LinkPart) -> bool:
-    """Return whether the mass properties of two links differ in their own frames."""
     p, q = x.inertia, y.inertia
     return not (
         p.mass == q.mass
@@ -376,7 +375,6 @@ def _both(x: str, y: str) -> str:
 
 
 def _tensors(tensor_a: Array, tensor_b: Array) -> str:
-    """Describe the difference of principal moments of inertia, or the angle of the axes."""
     here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (tensor_a, tensor_b))
     large = float(max(np.abs(here).max(), np.abs(there).max()))
     miss = float(np.abs(here - there).max())
@@ -421,13 +419,16 @@ def _gravity(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
         here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (gravity_a, gravity_b))
         changed = replace(a.tree, gravity=gravity_b)
         message = f"gravity: {here} in A, {there} in B"
-        yield make_property("gravity", "", message, changed=changed)
+        is_turned = bool(np.linalg.norm(np.cross(gravity_a, gravity_b)) > SAME * large**2)
+        lines = a.gravity_line(is_turned), b.gravity_line(is_turned)
+        yield make_property(
+            "gravity", "", message, lines=lines, relative=apart / large, changed=changed
+        )
 
 
 def _ranges(
     a: ModelSide, b: ModelSide, rows: Sequence[Aligned], by_name: dict[str, JointPair]
 ) -> Iterator[Difference]:
-    """Yield differences of position limits, those of B in A's coordinates."""
     for row in rows:
         pair = by_name[a.tree.links[row.a].name]
         if pair.a not in a.facts.coordinates:
@@ -455,7 +456,6 @@ def _share(miss: Array, sizes: Array) -> float:
 
 
 def _range(here: Array, there: Array) -> tuple[str, str]:
-    """Format both ranges with enough digits to show their difference."""
     if np.isinf(here).any() or np.isinf(there).any():
         text_a, text_b = (
             "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
@@ -470,7 +470,6 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
 
 
 def _tendons(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
-    """Yield differences of springs, dampers and armatures along tendons, paired by name."""
     if a.facts.compiled is None or b.facts.compiled is None:
         return
     tendons_a, tendons_b = (
@@ -559,7 +558,8 @@ def compare_files(
         assert again is not None
         differences, _ = properties(*again, pairs)
     size = max(one.placed.size for one in sides)
-    rows = weighed(differences, sides[0], runs)
+    is_usd = any(side.file.suffix in USD_SUFFIXES for side in sides)
+    rows = weighed(differences, sides[0], runs, FLOAT_DIGITS if is_usd else 0.0)
     moving = [row for row in rows if row.moves]
     rest = [row for row in rows if not row.moves]
     placed = [
@@ -582,7 +582,6 @@ def _sides(
 def _posed(
     z: Array, facts: tuple[Facts, Facts], pairs: tuple[JointPair, ...], of_a: Mapping[str, float]
 ) -> Array:
-    """Return B's positions for given positions of A."""
     posed = np.array(z)
     for pair in pairs:
         posed[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset

@@ -172,7 +172,6 @@ class ModelSide:
 
     @cached_property
     def _indices(self) -> Mapping[str, Mapping[str, int]]:
-        """Indices of bodies and joints of a compiled file, by name."""
         model = None if self.facts.robot is None else self.facts.robot.body_model
         bodies = () if model is None else model.bodies
         joints = [joint.name for body in bodies for joint in body.joints]
@@ -183,7 +182,6 @@ class ModelSide:
 
     @cached_property
     def _stage(self) -> UsdStage | None:
-        """The stage of a file in USD; None for other files."""
         try:
             is_stage = self.file.suffix in USD_SUFFIXES
             settings = self.facts.candidate.settings
@@ -210,6 +208,9 @@ class ModelSide:
             return rows
         for name, prim in stage.joints.items():
             is_hinge, row = prim.GetTypeName() == "PhysicsRevoluteJoint", rows.setdefault(name, {})
+            if force_range := stage.actuator_force(prim):
+                low, high = force_range
+                row["effort"] = (high,) if low == -high else (low, high)
             turn, arm = (np.pi / 180, stage.unit) if is_hinge else (stage.unit, 1.0)
             force = stage.mass_unit * stage.unit * arm
             for what, unit in (("friction", force), ("effort", force), ("velocity", turn)):
@@ -217,6 +218,22 @@ class ModelSide:
                     if isinstance(value, float) and value and np.isfinite(value):
                         row[what] = (value * unit,)
         return rows
+
+    def prim_line(self, kind: str, name: str) -> SourceLine | None:
+        """Return the line of the prim of a joint or link in a stage; None in other files."""
+        stage = self._stage
+        prims = {} if stage is None else stage.bodies if kind == "link" else stage.joints
+        if stage is None or name not in prims:
+            return None
+        file, line, _ = stage.place(prims[name])
+        return SourceLine(file=str(file), line=line)
+
+    def gravity_line(self, is_turned: bool) -> SourceLine | None:
+        """Return the line of gravity's size or direction in a stage; None in other files."""
+        if self._stage is None:
+            return None
+        file, line, _ = self._stage.gravity_place(is_turned=is_turned)
+        return SourceLine(file=str(file), line=line)
 
     def elements(self, kind: str, name: str) -> Sequence[XmlElement]:
         """Return the element of a joint or link, then its defaults; nothing if it is unknown."""
@@ -274,7 +291,7 @@ STAGE_KEYS: Mapping[str, Sequence[str]] = {
     "mass": ("physics:mass", "physics:density"),
     "centre": ("physics:centerOfMass",),
     "inertia": ("newton:inertia", "physics:diagonalInertia", "physics:principalAxes"),
-    "axis": ("physics:axis", "physics:localRot1", "physics:localRot0"),
+    "axis": ("physics:localRot0", "physics:localRot1", "physics:axis"),
     "zero": ("physics:localRot0", "physics:localRot1"),
     "anchor": ("physics:localPos0", "physics:localPos1"),
     "armature": ("newton:armature",),
@@ -310,10 +327,13 @@ def lines_of(a: ModelSide, b: ModelSide, what: str, names: tuple[str, str]) -> L
         [place for key, (value, place) in rows.items() if (value,) != other.get(key, ())[:1]]
         for rows, other in (stages, stages[::-1])
     )
-    return (
-        next(iter(here), None) or _first_line(a.file, chains[0], spots_by_key[0], keys),
-        next(iter(there), None) or _first_line(b.file, chains[1], spots_by_key[1], keys),
-    )
+    first, other = (
+        next(iter(rows), None) or side.prim_line(kind, name)
+        or _first_line(side.file, chain, spots, keys)
+        for rows, side, name, chain, spots
+        in zip((here, there), (a, b), names, chains, spots_by_key, strict=True)
+    )  # fmt: skip
+    return first, other
 
 
 _Spot = tuple[str, tuple[Path | None, int | None]]

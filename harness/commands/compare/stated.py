@@ -104,7 +104,6 @@ def _shapes(
     pairs: Sequence[tuple[_Shape, _Shape]],
     single: Sequence[tuple[str, _Shape, _Shape | None]],
 ) -> Iterator[Difference]:
-    """Yield shapes that differ, or that one file lacks; arguments as of `_matched`."""
     for x, y in pairs:
         for what, share, text in _unlike(x, y, size):
             lines = x.line(size=what == "size"), y.line(size=what == "size")
@@ -159,7 +158,6 @@ def _matched(
 
 
 def _placed(model: ModelSide, links: Mapping[int, tuple[int, Place]]) -> list[_Shape]:
-    """Return the shapes of a file on these links and on the world."""
     robot, shapes = model.facts.robot, list[_Shape]()
     frames: dict[str | None, tuple[int, Place]] = {None: (WORLD, IDENTITY)}
     frames.update(model.tree.frames)
@@ -184,7 +182,6 @@ def _touches(x: _Shape) -> bool:
 
 
 def _unlike(x: _Shape, y: _Shape, size: float) -> Iterator[tuple[str, float, str]]:
-    """Yield what differs: a property, its relative difference, and both values."""
     kind, other = x.shape.kind, y.shape.kind
     if kind != other:
         yield "kind", 1.0, f"{kind} in A, {other} in B"
@@ -219,7 +216,6 @@ def _extent(x: _Shape) -> Array:
 
 
 def _is_turned_box(x: _Shape, y: _Shape, here: Array, there: Array) -> bool:
-    """Return whether two boxes at one place are alike with their edges in another order."""
     between = np.abs(x.place.rotation.T @ y.place.rotation)
     order = np.round(between)
     near = SAME * float(np.abs(here).max())
@@ -290,7 +286,6 @@ def _exclude_line(model: ModelSide, bodies: set[str | None]) -> SourceLine | Non
 
 
 def _texts(a: ModelSide, b: ModelSide) -> Iterator[Difference]:
-    """Yield options, and numbers of elements that nothing else compares."""
     first, other = a.facts.compiled, b.facts.compiled
     assert first is not None
     assert other is not None
@@ -328,7 +323,6 @@ FLUID = ("density", "viscosity", "wind")
 
 
 def _immersed(a: ModelSide, b: ModelSide, key: str) -> Tree | None:
-    """Return A's tree with a number of B's medium; None if only one of them is in a medium."""
     here, there = a.tree.fluid, b.tree.fluid
     if here is None or there is None:
         return None
@@ -336,7 +330,6 @@ def _immersed(a: ModelSide, b: ModelSide, key: str) -> Tree | None:
 
 
 def _share(here: str, there: str) -> float:
-    """Return the relative difference of two texts; 1 unless both are numbers."""
     x, y = (np.array(read_numbers(text, len(text.split())) or ()) for text in (here, there))
     if not x.size or x.shape != y.shape:
         return 1.0
@@ -344,7 +337,6 @@ def _share(here: str, there: str) -> float:
 
 
 def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
-    """Return the line of an option or flag, or of an attribute of a named element."""
     if model.root is None:
         return None
     if not subject:
@@ -364,7 +356,6 @@ def _text_line(model: ModelSide, subject: str, key: str) -> SourceLine | None:
 def _joint_numbers(
     a: ModelSide, b: ModelSide, pairs: Mapping[str, JointPair]
 ) -> Iterator[Difference]:
-    """Yield dry friction, efforts, velocities and couplings of joints that differ."""
     is_mixed = ".xml" in (a.file.suffix, b.file.suffix)
     driven = {one.on for model in (a, b) for one in model.facts.actuators}
     both = [_by_joint(model, drives=a.file.suffix != b.file.suffix) for model in (a, b)]

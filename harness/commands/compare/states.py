@@ -295,7 +295,6 @@ def _with_starts(runs: Segments, starts: Array) -> Segments:
 
 
 def _initial_state(names: Sequence[str], home: Array, state: Mapping[str, float]) -> Array:
-    """Return the state that a user gives, (2nz,)."""
     z, w = home.copy(), np.zeros(len(home))
     for name, value in state.items():
         if name in names:
@@ -329,7 +328,6 @@ def _independent(inverse: Array) -> tuple[int, ...]:
 
 
 def _refuse_left_out(match: Match, free: list[str]) -> None:
-    """Raise an error about joints of the source that move on their own and have no match."""
     source = match.source
     other = "B" if source == "A" else "A"
     if free:
@@ -369,7 +367,6 @@ def _pushed(source: Facts, match: Match, given: list[Array]) -> SampledStates:
 
 
 def _chained(model: LoadedModel, first: Segments, match: Match) -> Segments:
-    """Return runs, each from the end of the previous one, as long as all are finite."""
     links = [first]
     while len(links) < LINKS:
         last = links[-1]
@@ -436,10 +433,7 @@ def _rates(measured: Accelerations, start: Array, tangent: Array, plain: float) 
     moves = np.concatenate([tangent.T, -tangent.T]) * step
     going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
     states = np.concatenate(
-        [
-            np.hstack([start + moves, going]),
-            np.hstack([start + 0 * moves, going + moves * plain]),
-        ]
+        [np.hstack([start + moves, going]), np.hstack([start + 0 * moves, going + moves * plain])]
     )
     zero = np.zeros((len(states), len(start)))
     values = measured.measure(states, zero[:, :0], zero).value.reshape(2, 2, r, len(start))

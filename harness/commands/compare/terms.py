@@ -367,7 +367,6 @@ class _Pair:
         state: int | None,
         suffix: str = "",
     ) -> ComparedTerm:
-        """Return the record of a term; `values` are those of A and B, and their uncertainty."""
         here, there, doubt = values
         shown = apart(here, there, doubt)
         certain = abs(here) > doubt and abs(there) > doubt
@@ -393,7 +392,6 @@ def _doubt(a: Estimate, b: Estimate) -> Array:
 
 
 def _worst(miss: Array, error: Array) -> int | None:
-    """Return the state with the largest certain difference."""
     with np.errstate(invalid="ignore"):
         certain = np.abs(miss) > error
     if not certain.any():

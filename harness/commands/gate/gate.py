@@ -353,7 +353,6 @@ def _run(state: Survey, options: Options, progress: Progress) -> Run:
 def _of_run(
     ran: Run, names: Mapping[str, FolderFiles], state: Survey, options: Options
 ) -> Iterator[Change]:
-    """Yield the changes of the cases that were run."""
     again = {scan.folder: hashed_again(scan, state.place) for scan in state.running}
     # After a failed declaration only the folder is known; the baseline gives the system's name.
     systems = {str(scan.folder): name for name, scan in names.items()}

@@ -184,6 +184,5 @@ def _unsound(file: Path, failure: Failure) -> NoReturn:
 
 
 def _installed(names: Iterable[str]) -> list[str]:
-    """Return the engines that are installed."""
     adapters = engines()
     return [name for name in names if name in adapters and adapters[name].version() is not None]

@@ -531,7 +531,6 @@ def _root(
 
 
 def _gravity(document: Document, world: XmlElement | None) -> Triple | None:
-    """Return the gravity that a world states."""
     gravity = document.child(world, "gravity")
     if gravity is None or not gravity.text.strip():
         return None

@@ -96,12 +96,7 @@ class WorldSteps(Stepper):
     """
 
     def __init__(
-        self,
-        world: Any,
-        body: Any,
-        layout: JointLayout,
-        springs: SpringForces,
-        exact: bool = False,
+        self, world: Any, body: Any, layout: JointLayout, springs: SpringForces, exact: bool = False
     ) -> None:
         self._world, self._body, self.layout, self._springs = world, body, layout, springs
         self._turned = exact and bool(layout.turns)

@@ -556,7 +556,6 @@ class MujocoModel(LoadedModel):
         return PoseEvaluator(self.model, "link")
 
     def _poses_of(self, file: UrdfFile, edits: list[Change]) -> PoseEvaluator:
-        """Return the poses of a URDF with edits."""
         import mujoco
 
         with (

@@ -258,7 +258,6 @@ def _touching(m: Any) -> Iterator[tuple[int, int]]:
 
 
 def _drive(m: Any, i: int, path: int) -> Actuator:
-    """Return an actuator."""
     import mujoco
 
     index = control(m, i)

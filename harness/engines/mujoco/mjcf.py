@@ -51,10 +51,7 @@ def _sources_by_path(path: Path, document: Document | None = None) -> dict[Path,
 
 
 def _collect(
-    path: Path,
-    folder: Path,
-    by_path: dict[Path, Document | None],
-    document: Document | None = None,
+    path: Path, folder: Path, by_path: dict[Path, Document | None], document: Document | None = None
 ) -> None:
     if path in by_path:
         return

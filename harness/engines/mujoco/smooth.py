@@ -90,13 +90,7 @@ def remove_uncovered(m: Any) -> None:
         getattr(m, name)[:] = 0
     without_ellipsoids(m)
     own_fields = ("damping", "dampingpoly", "armature")
-    force = (
-        "gainprm",
-        "biasprm",
-        "gaintype",
-        "biastype",
-        "dyntype",
-    )  # type 0 is constant
+    force = ("gainprm", "biasprm", "gaintype", "biastype", "dyntype")  # type 0 is constant
     _zero(m, "actuator", (*force, *own_fields), _uncovered_actuators(m))
     _zero(m, "tendon", ("armature",), _spatial_tendons_with_armature(m))
     _zero(m, "actuator", ("armature",), _actuators_with_armature(m))
@@ -120,12 +114,10 @@ def _uncovered_tendons(m: Any) -> list[int]:
 
 
 def _spatial_tendons_with_armature(m: Any) -> list[int]:
-    """Return spatial tendons with an armature."""
     return [i for i in range(m.ntendon) if spatial_tendon(m, i) and m.tendon_armature[i]]
 
 
 def _actuators_with_armature(m: Any) -> list[int]:
-    """Return actuators with an armature on such tendons."""
     import mujoco
 
     if not hasattr(m, "actuator_armature"):

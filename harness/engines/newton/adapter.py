@@ -98,7 +98,6 @@ class Worlds:
         return out[0], out[1]
 
     def _forces(self, batch: _Batch, z: Array, force: Force, i: int) -> Array:
-        """Return the forces of springs and inputs, (B, nz)."""
         if isinstance(force, StateForce):
             rows = zip(z.tolist(), force.inputs[:, i].tolist(), strict=True)
             forces = np.array([force.evaluate(at, u) for at, u in rows], dtype=float)
@@ -264,7 +263,6 @@ class NewtonModel(LoadedModel):
     epsilon = float(np.finfo(np.float32).eps)
 
     def _take(self, spec: ModelSpec, read: ParsedModel) -> None:
-        """Set up the model from a parsed file."""
         if not read.layout.names:
             raise EngineError(f"{spec.path}: it has no moving joint")
         self.coordinates, self._file, self._read = tuple(read.layout.names), spec.path, read

@@ -99,7 +99,6 @@ FLUID_OPTIONS = ("density", "viscosity", "wind")
 
 
 def _names(root: XmlElement, builder: Any, path: Path) -> list[list[str]]:
-    """Return the coordinate names of each Newton joint; joints of one body form one joint."""
     bodies = [one for world in root.findall("worldbody") for one in world.iter("body")]
     if len(bodies) != len(builder.body_label):
         raise EngineError(

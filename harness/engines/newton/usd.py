@@ -9,7 +9,7 @@ import numpy as np
 
 from physics_crosscheck.harness.documents.document import free_name
 from physics_crosscheck.harness.documents.usd import UsdStage
-from ..protocol import EngineError, ModelSpec, held_joints
+from ..protocol import ModelSpec, UnsupportedError, held_joints
 from ..source import open_stage
 from ..urdf_copy import followers_of
 from .layout import Layout
@@ -37,12 +37,10 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     """Read a stage whose settings are valid.
 
     Raises:
-        EngineError: for units that Newton does not convert, and for joints of several axes.
+        UnsupportedError: for units that Newton does not convert, and joints of several axes.
     """
     stage = open_stage(spec)
-    if (stage.unit, stage.mass_unit) != (1.0, 1.0):
-        units = f"metersPerUnit {stage.unit:g} and kilogramsPerUnit {stage.mass_unit:g}"
-        raise EngineError(f"{spec.path}: Newton converts no units; it has {units}, expected 1")
+    _check_units(stage)
     for name, prim in stage.joints.items():
         if settings["smooth"] and stage.is_outside(prim):
             stage.switch_off(prim)
@@ -68,6 +66,11 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     if orphans := [i for i, one in enumerate(builder.joint_articulation) if one < 0]:
         if settings["articulations"]:
             builder.add_articulation(orphans)
+        elif inner := [i for i in orphans if builder.joint_parent[i] >= 0]:
+            place = stage.place(stage.stage.GetPrimAtPath(builder.joint_label[inner[0]]))
+            problem = f"joint {place.address} is in no articulation, and Newton refuses that. "
+            problem += "Apply PhysicsArticulationRootAPI above the bodies"
+            raise UnsupportedError(problem, file=place.file, line=place.line)
         else:
             lost[ORPHANS] = {"articulations": True}
     with collect_warnings(messages):
@@ -86,18 +89,43 @@ def read_usd(spec: ModelSpec, settings: Mapping[str, object]) -> ParsedModel:
     )
 
 
+def _check_units(stage: UsdStage) -> None:
+    for name, unit in (("metersPerUnit", stage.unit), ("kilogramsPerUnit", stage.mass_unit)):
+        if unit != 1.0:
+            problem = f"{name} is {unit:g}; Newton converts no units of rigid bodies"
+            problem, line = f"{problem}. Rewrite the stage in m and kg", stage.header_line(name)
+            raise UnsupportedError(problem, file=stage.path, line=line)
+
+
 def _joint_names(stage: UsdStage, builder: Any) -> list[list[str]]:
-    """Return the names of the coordinates of each of Newton's joints: one if it moves."""
     joints = {str(prim.GetPath()): name for name, prim in stage.joints.items()}
     bodies = {str(prim.GetPath()): name for name, prim in stage.bodies.items()}
     names = []
     rows = zip(builder.joint_label, builder.joint_child, builder.joint_dof_dim, strict=True)
     for label, child, (lines, turns) in rows:
         name = joints.get(label) or free_name(bodies[builder.body_label[child]], joints.values())
+        stack = _stack(stage, name)
+        if len(stack) == lines + turns > 1:  # as Newton stacks them: slides first
+            names.append(sorted(stack, key=lambda one: _is_hinge(stage.joints[one])))
+            continue
         if lines + turns > 1 and (lines, turns) not in ((3, 3), (0, 3)):
-            raise EngineError(f"{stage.path}: Newton gives joint {name!r} several axes")
+            place = stage.place(stage.stage.GetPrimAtPath(label))
+            problem = f"Newton gives joint {place.address} several axes. Write one joint for each"
+            raise UnsupportedError(problem, file=place.file, line=place.line)
         names.append([name][: lines + turns])
     return names
+
+
+def _is_hinge(prim: Any) -> bool:
+    return bool(prim.GetTypeName() == "PhysicsRevoluteJoint")
+
+
+def _stack(stage: UsdStage, name: str) -> list[str]:
+    ends = {
+        other: {*stage.targets(prim, "physics:body0"), *stage.targets(prim, "physics:body1")}
+        for other, prim in stage.joints.items()
+    }
+    return [other for other in ends if ends[other] == ends.get(name)]
 
 
 def _point_bodies(stage: UsdStage, builder: Any, *, is_kept: bool) -> list[str]:

@@ -159,7 +159,6 @@ class PhysxModel(TreeModel):
         self.stepper = self._steps = _ArticulationSteps(scene, layer, self.floats)
 
     def _without_friction(self) -> None:
-        """Disable dry friction and bounds of speeds and efforts."""
         scene = self._scene
         friction = scene.read("DOF_FRICTION_PROPERTIES")
         friction[:, :2] = 0.0

@@ -32,7 +32,6 @@ COUNTS = "solverPositionIterationCount", "solverVelocityIterationCount"
 
 @lru_cache(maxsize=1)
 def _runtime() -> tuple[Any, Any]:
-    """Return ovphysx and ovstage, set up once: without a GPU, threads, or messages."""
     ovphysx, ovstage = import_quietly("ovphysx"), import_quietly("ovstage")
     keys = ovphysx.types.GlobalConfigKey
     ovphysx.set_log_level(ovphysx.LogLevel.NONE)
@@ -84,7 +83,6 @@ class PhysxScene:
         self._units = self._si_units(layer.unit, layer.mass_unit)
 
     def _si_units(self, length: float, mass: float) -> dict[str, Any]:
-        """Return the SI unit of each tensor that is not in radians and seconds alone."""
         energy, place = mass * length**2, np.array([length] * 3 + [1.0] * 4)
         joints = np.where(self.slides, length, 1.0)
         moved = joints if self.fixed else np.concatenate([place[:6], joints])
@@ -106,7 +104,6 @@ class PhysxScene:
         }  # fmt: skip
 
     def _binding(self, name: str) -> tuple[Any, Any]:
-        """Return the binding of a tensor, and a buffer of its shape."""
         if name not in self._bindings:
             kind = getattr(self._types, f"ARTICULATION_{name}")
             with warnings.catch_warnings():
@@ -214,7 +211,6 @@ class StageLayer:
         self.text = file.over_file(layer)
 
     def _names(self, prims: Sequence[Any], among: Mapping[str, Any]) -> dict[str, str]:
-        """Return the names of prims here by their own, which PhysX uses."""
         names = {one.GetName(): name for name, one in among.items() if one in prims}
         if len(names) < len(prims):
             twice = next(name for name in among if "/" in name)
@@ -223,7 +219,6 @@ class StageLayer:
         return names
 
     def _end(self, joint: Any, k: int) -> str:
-        """Return the name of a joint's body, which a target may be below of."""
         for path in self._file.targets(joint, f"physics:body{k}"):
             if body := self._file.body_of(self._file.stage.GetPrimAtPath(path)):
                 return str(body.GetName())
@@ -235,7 +230,6 @@ class StageLayer:
         return lower, self._file.value(prim, "physics:upperLimit", np.inf) * unit
 
     def _bases(self, joints: Sequence[Any]) -> Iterator[str]:
-        """Yield the paths of joints that fix a body to the world."""
         for prim, (_, *ends) in zip(joints, self.ends, strict=True):
             is_on = self._file.value(prim, "physics:jointEnabled", True)
             is_fixed = prim.GetTypeName() == FIXED and "" in ends
@@ -243,7 +237,6 @@ class StageLayer:
                 yield str(prim.GetPath())
 
     def _place_root(self, prim: Any, bodies: Sequence[Any]) -> str:
-        """Place the articulation root as the settings want it, and return its path."""
         file, path = self._file, str(prim.GetPath())
         is_body = BODY in prim.GetAppliedSchemas()
         if self.base:
@@ -274,7 +267,6 @@ class StageLayer:
         return path
 
     def _set_link(self, prim: Any) -> None:
-        """Set the damping and speed of a link where the file states none."""
         values = {"angularDamping": float(self._settings["angular_damping"])}  # type: ignore[arg-type]
         if not self._settings["bounded_speeds"]:
             values["maxAngularVelocity"] = FASTEST
@@ -283,7 +275,6 @@ class StageLayer:
                 self._set(prim, "PhysxRigidBodyAPI", f"physxRigidBody:{name}", value)
 
     def _set_joints(self, held: Sequence[str]) -> None:
-        """Fix held joints, and remove limits if the settings want smooth motions."""
         for name, (path, _, label) in list(self.joints.items()):
             if label in held:
                 self._file.fix_joint(self._file.stage.GetPrimAtPath(path))
@@ -295,7 +286,6 @@ class StageLayer:
                 self._set(prim, "", "physics:upperLimit", far)
 
     def _set_gravity(self, gravity: Sequence[float]) -> None:
-        """Set gravity where the settings differ from the file."""
         file, kind = self._file, "PhysicsScene"
         scene = next((one for one in file.stage.Traverse() if one.GetTypeName() == kind), None)
         scene = scene or file.stage.DefinePrim("/crosscheck_scene", kind)
@@ -313,7 +303,6 @@ class StageLayer:
         return stage.GetPrimAtPath(path)
 
     def _set(self, prim: Any, schema: str, name: str, value: float | bool) -> None:
-        """Set an attribute in the layer."""
         if schema:
             prim.AddAppliedSchema(schema)
         types = self._file.pxr.Sdf.ValueTypeNames

@@ -180,9 +180,7 @@ class PybulletWhole(WholeModel):
 
         self._ensure_loaded()
         p.setPhysicsEngineParameter(
-            fixedTimeStep=self.step,
-            numSolverIterations=iterations,
-            solverResidualThreshold=0.0,
+            fixedTimeStep=self.step, numSolverIterations=iterations, solverResidualThreshold=0.0
         )
         if self._floor >= 0:
             forget_contacts(self._floor, self.floor or 0.0)

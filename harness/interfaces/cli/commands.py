@@ -62,9 +62,7 @@ _RUN_CODES = {
 
 _SELECTION = (
     arguments.targets(
-        required=False,
-        kinds="Folders and robot files",
-        default="those of the baseline",
+        required=False, kinds="Folders and robot files", default="those of the baseline"
     ),
     arguments.ENGINE,
     arguments.RESOLUTION,

@@ -29,11 +29,7 @@ def main(options: argparse.Namespace) -> int:
     targets = resolve_targets(options.folders, standalone=options.standalone, model=options.model)
     warn_unknown(targets.named)
     describe_robot = partial(
-        describe_file,
-        form=form,
-        width=width,
-        floating=options.floating,
-        model=options.model,
+        describe_file, form=form, width=width, floating=options.floating, model=options.model
     )
     with Workers(1, arguments.limits_of(options)) as workers:
         for path in targets.paths:

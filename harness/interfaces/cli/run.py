@@ -240,7 +240,6 @@ def _run(options: argparse.Namespace, wanted: Targets) -> Ran:
 
 
 def _print(results: Results, options: argparse.Namespace) -> None:
-    """Print results in the selected format."""
     if options.format == "json":
         print(harmless_json(encoded(results)), end="")
         return

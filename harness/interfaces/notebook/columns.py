@@ -111,7 +111,6 @@ class Columns:
         return {s: sp.Float(value, 17) for s, value in self.declaration.values.items()}
 
     def _tree_energy(self, states: Array) -> Array:
-        """Return the energy, (S, 1)."""
         assert isinstance(self.declaration, TreeSystem)
         n, count = states.shape[1] // 2, len(states)
         power = TreeEquations(self.declaration).numeric_power

@@ -143,7 +143,6 @@ class RobotModel:
         return TreeEquations(self.system)
 
     def _positions(self, given: ArrayLike | Mapping[str, float]) -> Array:
-        """Return positions as an array, (n,)."""
         names = self.coordinates
         if not isinstance(given, Mapping):
             q = np.array(given, dtype=float)

@@ -156,7 +156,6 @@ def skipped_kinds(
 def _compiled_rows(
     compiled: CompiledTree, model: LawModel, stated: StatedLaws
 ) -> Iterator[tuple[Key, Mapping[str, Values]]]:
-    """Yield the rows of compiled laws."""
     laws = model.laws
     yield (
         ("option", 0),

@@ -312,7 +312,6 @@ class StatedLaws:
 
     @property
     def _states_inertias(self) -> bool:
-        """True if <inertial> elements state the inertias of their bodies."""
         changed = any(self._source.stating("compiler", key) is not None for key in WEIGHING)
         return not changed and self._source.stated("compiler", "inertiafromgeom") != "true"
 

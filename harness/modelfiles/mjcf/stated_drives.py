@@ -215,10 +215,7 @@ def read_drive(
 
 
 def drive_values(
-    kinds: Sequence[str],
-    dynamics: Sequence[float],
-    gain: Sequence[float],
-    bias: Sequence[float],
+    kinds: Sequence[str], dynamics: Sequence[float], gain: Sequence[float], bias: Sequence[float]
 ) -> Mapping[str, Values]:
     """Return kinds and numbers of a drive, by attribute, without those that have no effect.
 

@@ -284,7 +284,6 @@ def _above(element: XmlElement) -> Iterator[XmlElement]:
 
 
 def _model_of(element: XmlElement) -> XmlElement | None:
-    """Return the outermost model that contains an element, or None."""
     return next((one for one in [*_above(element)][::-1] if one.tag in ("model", "include")), None)
 
 

@@ -154,7 +154,6 @@ def _unread(element: XmlElement, name: str) -> Iterator[Note]:
 
 
 def _unknown_attributes(element: XmlElement, name: str) -> Iterator[Note]:
-    """Yield the attributes of an element that have no meaning."""
     for key in element.attributes if element.tag in _MEANINGFUL_ATTRIBUTES else ():
         if key not in _MEANINGFUL_ATTRIBUTES[element.tag] and not key.startswith("xmlns"):
             yield f"{key} of <{element.tag}>", name, element.attribute_place(key)

@@ -25,7 +25,7 @@ def mass_of(stage: UsdStage, prim: Any) -> SpatialInertia:
     A mass of 0, moments of 0 and a center that is not finite are unset: they follow from the
     collision shapes below the body, whose own masses and densities count first.
     """
-    mass, center, tensor = _stated(stage, prim)
+    mass, center, tensor = stated_of(stage, prim)
     if mass is not None and center is not None and tensor is not None:
         return SpatialInertia(mass, center, tensor)
     shapes = reduce(SpatialInertia.combined, _shapes(stage, prim), NO_INERTIA)
@@ -35,7 +35,7 @@ def mass_of(stage: UsdStage, prim: Any) -> SpatialInertia:
     return SpatialInertia(whole, shapes.center if center is None else center, tensor)
 
 
-def _stated(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, Array | None]:
+def stated_of(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, Array | None]:
     """Return the mass, center and tensor that layers state for a body or a shape."""
     mass = stage.value(prim, "physics:mass", 0.0)
     center = np.array(stage.value(prim, "physics:centerOfMass", (-math.inf,) * 3))
@@ -47,7 +47,6 @@ def _stated(stage: UsdStage, prim: Any) -> tuple[float | None, Array | None, Arr
 
 
 def _tensor(stage: UsdStage, prim: Any) -> Array | None:
-    """Return the stated moments in the body's axes, in units of the stage; None if unset."""
     # With schemas that no package registers.
     schemas = {*prim.GetAppliedSchemas(), *prim.GetPrimTypeInfo().GetAppliedAPISchemas()}
     six = stage.stated(prim, "newton:inertia") if "NewtonMassAPI" in schemas else None
@@ -82,7 +81,7 @@ def _shapes(stage: UsdStage, body: Any) -> Iterator[SpatialInertia]:
         if not is_on or not prim.HasAPI(physics.CollisionAPI):
             continue
         volume, middle, moments = _solid(stage, prim)
-        mass, center, tensor = _stated(stage, prim)
+        mass, center, tensor = stated_of(stage, prim)
         if volume or (mass is not None and tensor is not None):
             mass = volume * _density(stage, prim, body) if mass is None else mass
             center = middle if center is None else center
@@ -125,7 +124,6 @@ def _solid(stage: UsdStage, prim: Any) -> tuple[float, Array, Array]:
 
 
 def _mesh(prim: Any, scale: Array) -> tuple[float, Array, Array] | None:
-    """Return those of a closed mesh by its triangles; None if it has no volume."""
     points = np.array(prim.GetAttribute("points").Get() or (), dtype=float).reshape(-1, 3) * scale
     counts = np.array(prim.GetAttribute("faceVertexCounts").Get() or (), dtype=int)
     corners = np.array(prim.GetAttribute("faceVertexIndices").Get() or (), dtype=int)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from physics_crosscheck.harness.documents.document import Mimic, free_name
+from physics_crosscheck.harness.documents.elements import Number
 from physics_crosscheck.harness.documents.errors import LocationError, ReadError, quote
 from physics_crosscheck.harness.documents.reading import STAGE_SETTINGS
 from physics_crosscheck.harness.documents.sdf.frames import inverse
@@ -28,7 +29,7 @@ from physics_crosscheck.reference.mechanism.tree import Tree
 from ..build_tree import built_robot, enforceable, placed_body
 from ..numbers import SMALL, UNSIZED, ModelFile
 from ..robot import FREE_MIMIC, LinkPart, Note, Robot, count_notes, refused
-from .masses import mass_of, rotation_of
+from .masses import mass_of, rotation_of, stated_of
 
 DEGREES = 180 / math.pi
 """Degrees of a radian: gains of hinges are per degree."""
@@ -125,7 +126,7 @@ class StageTree:
     """The bodies and joints of a stage; problems are noted in it."""
 
     def __init__(self, stage: UsdStage) -> None:
-        self.stage = stage
+        self.stage, self.stacked = stage, list[UsdJoint]()
 
     @cached_property
     def still(self) -> list[str]:
@@ -165,7 +166,6 @@ class StageTree:
             yield UsdJoint(prim, name, kind, axis, key, ends, frames)
 
     def _axis(self, prim: Any) -> tuple[str, int, str]:
-        """Return kind, axis and key of a joint; no kind if it is not covered."""
         kind = _KINDS.get(str(prim.GetTypeName()), "")
         if kind in ("hinge", "slide"):
             axis = "XYZ".index(str(self.stage.value(prim, "physics:axis", "X")))
@@ -217,12 +217,30 @@ class StageTree:
                 waiting.remove(joint)
                 new = [end for end in joint.ends if end is not None and end not in placed]
                 if not new and not still.issuperset(joint.ends):
-                    sentence = f"joint {quote(joint.name)} closes a loop"
-                    remedy = "closed loops are not supported: remove the joint"
-                    self.stage.add_problem(joint.prim, sentence, remedy, "unsupported")
+                    self._add_closing(joint, order)
             order += [(name, joint) for name in new[:1]]
             placed.update(new[:1])
         return tuple(order)
+
+    def _add_closing(self, joint: UsdJoint, order: Sequence[tuple[str, UsdJoint | None]]) -> None:
+        """Stack a joint on the one between its bodies if the file asks for that, or refuse it."""
+        first = next((one for _, one in order if one and {*one.ends} == {*joint.ends}), None)
+        kinds = {joint.kind, first.kind} if first else {""}
+        name = "newton:jointsAddMobility"
+        if kinds <= {"hinge", "slide"} and any(
+            self.stage.stated(o, name) for o in self.stage.prims
+        ):
+            self.stacked.append(joint)
+            return
+        sentence = "closes a loop, which is not supported"
+        remedy = "set physics:excludeFromArticulation, which leaves it out, or remove it"
+        if first:
+            sentence = f"joins the same bodies as joint {quote(first.name)}, so that both hold them"
+            remedy = (
+                f"add a body between them, or set {name} on the articulation root to stack hinges"
+            )
+        text = f"joint {quote(joint.name)} {sentence}"
+        self.stage.add_problem(joint.prim, text, remedy, "unsupported")
 
     def link(self, name: str) -> RigidBody:
         """Return a body with its inertia, without a parent."""
@@ -247,12 +265,13 @@ class StageTree:
             return placed_body(link, None, self.stage.world(self.stage.bodies[link.name])[0])
         inner = joint.ends.index(link.name)
         outer, frame = joint.frames[1 - inner], joint.frames[inner]
-        is_moving = joint.kind != "fixed" and joint.name not in still
-        joints = (self._moving(joint, frame, inner),) if is_moving else ()
+        stack = (joint, *(one for one in self.stacked if {*one.ends} == {*joint.ends}))
+        moving = (one for one in stack if one.kind != "fixed" and one.name not in still)
+        joints = tuple(self._moving(one, one.ends.index(link.name)) for one in moving)
         return placed_body(link, joint.ends[1 - inner], outer.compose(inverse(frame)), joints)
 
-    def _moving(self, joint: UsdJoint, frame: Place, inner: int) -> Joint:
-        """Return a joint in the frame of its child, which is body `inner` of it."""
+    def _moving(self, joint: UsdJoint, inner: int) -> Joint:
+        frame = joint.frames[inner]
         axis = frame.rotation[:, joint.axis] * (1 if inner else -1)
         (x, y, z), (a, b, c) = axis.tolist(), frame.origin.tolist()
         _, gain, inertia = self._units(joint)
@@ -270,7 +289,6 @@ class StageTree:
         )
 
     def _units(self, joint: UsdJoint) -> tuple[float, float, float]:
-        """Return the units of a joint's coordinate, of its gains and of its inertia, in SI."""
         stage = self.stage
         if joint.kind == "slide":
             return stage.unit, stage.mass_unit, stage.mass_unit
@@ -278,7 +296,6 @@ class StageTree:
         return 1 / DEGREES, inertia * DEGREES, inertia
 
     def _drive(self, joint: UsdJoint) -> tuple[float, float, float, float]:
-        """Return stiffness, damping, target and target velocity of a drive, in SI units."""
         value, prim, key = self.stage.value, joint.prim, f"drive:{joint.key}:physics"
         has_drive = f"PhysicsDriveAPI:{joint.key}" in prim.GetAppliedSchemas()
         if not has_drive or value(prim, f"{key}:type", "force") == "acceleration":
@@ -339,7 +356,6 @@ class StageTree:
             )
 
     def _omitted(self, joint: UsdJoint) -> Iterator[tuple[str, object]]:
-        """Yield each kind of content of a joint, and whether the joint has it."""
         stage, prim = self.stage, joint.prim
         yield FREE_MIMIC, joint.name in self.mimics
         yield "limits of position", self._limits(joint)
@@ -355,6 +371,9 @@ class StageTree:
             names = (name for name in prim.GetAuthoredPropertyNames() if name.startswith(space))
             yield f"properties {space}: of joints", next(names, "")
 
+
+_BODY, _SHAPE = "physics:body", re.compile(r"xformOp:.*|size|radius|height")
+"""Start of the names of a joint's ends; numbers of a prim's place and shape."""
 
 _RELEVANT = re.compile(
     r".*@(physics:(mass|density|centerOfMass|diagonalInertia|principalAxes|localPos\d|localRot\d"
@@ -377,8 +396,21 @@ class UsdNumbers(ModelFile):
 
     @cached_property
     def relevant_numbers(self) -> tuple[int, ...]:
-        """Indices of the numbers that may affect the tree."""
-        return tuple(i for i, one in enumerate(self.numerals) if _RELEVANT.fullmatch(one.path))
+        """Indices of the numbers that may affect the tree; without shapes of bodies with masses."""
+        stage, rows = self._stage, enumerate(self.numerals)
+        bodies, joints = stage.bodies.values(), stage.joints.values()
+        ends = [path for joint in joints for i in "01" for path in stage.targets(joint, _BODY + i)]
+        placed = {up for path in ends for up in path.GetAncestorsRange()}
+        placed.update(up for body in bodies for up in body.GetPath().GetAncestorsRange())
+        weighed = [one for one in bodies if any(part is None for part in stated_of(stage, one))]
+
+        def is_relevant(number: Number) -> bool:
+            if not _RELEVANT.fullmatch(number.path) or not _SHAPE.fullmatch(number.key):
+                return _RELEVANT.fullmatch(number.path) is not None
+            prim = stage.stage.GetPrimAtPath(number.address.partition(".")[0])
+            return prim.GetPath() in placed or stage.body_of(prim) in weighed
+
+        return tuple(i for i, number in rows if is_relevant(number))
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """Return the tree with other values of some numbers, by index, or None."""

@@ -91,7 +91,6 @@ def _motion(run: CaseRun, others: Sequence[CaseRun], i: int, unit: str) -> Chart
 
 
 def _events(run: CaseRun, i: int) -> Iterator[Curve]:
-    """Yield the events of the reference, on its curve."""
     times = np.array([event.time for event in run.full_run.events])
     if len(times):
         on_curve = np.interp(times, values(run.series.t), values(run.series.reference[i]))
@@ -261,7 +260,6 @@ def _segment_curves(run: CaseRun, segments: Convergence) -> list[Curve]:
 
 
 def _slope(run: CaseRun, segments: Convergence, steps: Array) -> Iterator[Curve]:
-    """Yield a line with the slope of the errors of segments."""
     h, defect, column = values(segments.h), values(segments.defect), run.pack.column
     slope, whose = run.verdict.order, "observed"
     if slope is None:

@@ -115,7 +115,6 @@ def _path_of(case: Case) -> str:
 
 
 def _bodies_at(lines: Sequence[Spans], marked: Iterable[int]) -> Iterator[int]:
-    """Yield the bodies whose lines include a marked one."""
     for line in marked:
         for body, spans in enumerate(lines):
             if any(first <= line <= last for first, last in spans):

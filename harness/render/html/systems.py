@@ -110,7 +110,6 @@ def _pose(sketch: Sketch) -> list[float]:
 
 
 def _coordinates(point: SketchTree | None, q: Sequence[float]) -> tuple[float, float]:
-    """Return the coordinates of a point, which is a pair of trees."""
     if not isinstance(point, list) or len(point) != 2:
         raise ValueError(f"{point!r} is not a point")
     return evaluate(point[0], q), evaluate(point[1], q)

@@ -34,8 +34,8 @@ MAX_NAMES = 3
 SHARE = 0.99
 """Share of a discrepancy that makes a difference its cause."""
 
-SIX_DIGITS = 5e-6
-"""Maximum relative rounding of a number written with six digits."""
+SIX_DIGITS, FLOAT_DIGITS = 5e-6, 5e-7
+"""Maximum relative rounding of a number written with six digits, and of one in 32 bits."""
 
 MINOR = 1e-5
 """Relative difference, or effect, below which a difference is minor: one line counts them."""
@@ -126,15 +126,17 @@ def _folded_rows(
     minor = [row for row in [*rows, *last][1:] if 0 < (row.relative or 0.0) < MINOR]
     lines: list[str] = []
     for group, after in ((rows, others), (last, ())):
-        alike: dict[str, list[str]] = {}
+        alike: dict[str, list[ComparedProperty]] = {}
         for row in group:
             if row in minor:
                 continue
             named = rf"\b(joint|link|shape) {re.escape(row.about)}: " if row.about else "$^"
             text = row.message.replace("{", "{{").replace("}", "}}")
-            key = re.sub(named, r"{} \1s: ", text, count=1)
-            alike.setdefault(key, []).append(_where(row, is_short) + row.message)
-        lines += [own[0] if len(own) == 1 else key.format(len(own)) for key, own in alike.items()]
+            alike.setdefault(re.sub(named, r"\1s {}: ", text, count=1), []).append(row)
+        for key, same in alike.items():
+            names = listed([row.about for row in same], MAX_NAMES)
+            text = same[0].message if len(same) == 1 else key.format(names)
+            lines.append(_where(same[0], is_short) + text)
         lines += after
     if minor:
         lines.append(minor_line(len(minor)).strip())
@@ -208,7 +210,7 @@ def print_comparison(
         comparison: to report.
         details: whether to print what motions and edits show, and how both models ran.
     """
-    compared = comparison.compared
+    compared = _without_rounding(comparison)
     if compared is None:
         _print_failure(console, comparison)
     elif not details and _is_stated(compared):
@@ -227,6 +229,19 @@ def print_comparison(
         _print_acting(console, compared)
         _print_own_files(console, comparison)
         _print_models(console, comparison, compared)
+
+
+def _without_rounding(comparison: ComparisonResult) -> Compared | None:
+    """Return the comparison; of USD files that differ, without numbers that differ by rounding."""
+    compared = comparison.compared
+    if compared is None or compared.rounding is not None or not _is_usd(comparison):
+        return compared
+    rows = (row for row in compared.properties if not 0 < (row.relative or 0) <= FLOAT_DIGITS)
+    return replace(compared, properties=tuple(rows))
+
+
+def _is_usd(comparison: ComparisonResult) -> bool:
+    return any(Path(model.model).suffix.startswith(".usd") for model in comparison.models)
 
 
 def _is_stated(compared: Compared) -> bool:
@@ -418,9 +433,8 @@ def verdict_sentences(
         move = f"{both} moves alike in {engines}" if both == names[0] else f"{both} move alike"
         if compared.rounding is None:
             return f"{move}: difference {size}", "", []
-        is_usd = any(Path(name).suffix.startswith(".usd") for name in names)
         digits = f"rounding to {int(math.log10(5.0 / compared.rounding))} digits"
-        digits = "equal to 7 digits, the format's" if is_usd else digits
+        digits = "equal to 7 digits, the format's" if _is_usd(comparison) else digits
         rounded = f"numbers differ by up to {_size(compared.rounding)}, {digits}"
         return f"{both}: {rounded}; motions differ by {size}", "", []
     if compared.decisive is not None:
@@ -428,10 +442,12 @@ def verdict_sentences(
         cause, remedy = _property_cause(compared.decisive, share, names)
         return cause, remedy, [f"motions without such forces are alike: difference {size}"]
     cause, remedy = _cause(compared, names) if outcome is Outcome.DIFFERS else ("", "")
-    text = _own_cause(comparison) or cause or comparison.reason
+    text = (engine := _own_cause(comparison)) or cause or comparison.reason
     if outcome is not Outcome.DIFFERS:
         return text, "", [f"difference {size}, on {compared.component}"]
-    several = [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 else []
+    several = (
+        [f"by joint: {_by_joint(compared)}"] if len(compared.joints) > 1 and not engine else []
+    )
     motions = [f"motions differ by {size}, on {compared.component}", *several]
     return text, remedy, motions
 

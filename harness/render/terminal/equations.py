@@ -217,9 +217,7 @@ class DerivedPage:
 
 
 def describe(
-    derived: DerivedPage,
-    style: Literal["text", "latex"] = "text",
-    width: int = LOG_COLUMNS,
+    derived: DerivedPage, style: Literal["text", "latex"] = "text", width: int = LOG_COLUMNS
 ) -> str:
     """Return everything derived from a system, as a page of text of some width, or of LaTeX."""
     if style == "latex":

@@ -382,7 +382,6 @@ def _is_explained(finding: AuditFinding, models: Sequence[Model]) -> bool:
 
 
 def _is_same(finding: AuditFinding, cause: Cause) -> bool:
-    """Return whether a finding is about a number of a cause."""
     if set(finding.subject) & set(cause.subject):
         return True
     where = finding.location
