@@ -240,7 +240,6 @@ def _fate(
 
 
 def _names(fit: Fit, number: Number) -> bool:
-    """Return whether a fit changes the number alone."""
     return len(fit.members) == 1 and fit.causes[0].subject == (number.address,)
 
 

@@ -410,7 +410,6 @@ def _by_segments(
     stepping: StepComparison | None,
     dynamics: AccelerationComparison | None,
 ) -> _Judgement:
-    """Judge by extrapolated segments."""
     shipped, verdict = _judge_segments(task, loaded)
     followed, verdict = _refined(task, shipped, verdict, dynamics)
     return _Judgement(

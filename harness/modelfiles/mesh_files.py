@@ -135,7 +135,6 @@ def decimated_mesh(file: Path, faces: int) -> Mesh:
 
 
 def _merged(mesh: Mesh, cells: float, sharp: bool = False) -> Mesh:
-    """Merge the vertices in each cell of a grid."""
     points, low = mesh.points, np.min(mesh.points, axis=0)
     size = float(np.max(np.ptp(points, axis=0))) / cells or 1.0
     grid = np.floor((points - low) / size).astype(np.int64)

@@ -521,7 +521,6 @@ def lay_segments(
 
 
 def _pressed(hybrid: Hybrid, stretches: Sequence[Stretch]) -> Iterator[PressedContact]:
-    """Yield the contacts of each stretch."""
     for i, part in enumerate(hybrid.parts):
         there = [stretch for stretch in stretches if stretch.mode.modes[i] != FREE]
         if isinstance(part, Contacting) and there:

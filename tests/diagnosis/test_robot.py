@@ -206,7 +206,7 @@ def test_engine_default_is_named() -> None:
     (explanation,) = diagnosis.explanations
     (cause,) = explanation.causes
     assert cause.kind == "default"
-    assert "principal axes of FR_hip" in str(cause)
+    assert "principal axes of trunk, FR_hip" in str(cause)
     assert explanation.remaining < 1e-3
 
 

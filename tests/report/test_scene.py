@@ -129,20 +129,26 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
     return path, tree, states, apart
 
 
+@pytest.fixture(scope="module")
+def open_scene(browser: Browser) -> Iterator[Tab]:
+    with browser.tab() as tab:
+        yield tab
+
+
 @pytest.fixture
-def scene_tab(shared_tab: Tab, planted: Planted) -> Iterator[Tab]:
+def scene_tab(open_scene: Tab, planted: Planted) -> Iterator[Tab]:
     """Return the overview with the picture in its initial state."""
-    shared_tab.send("Page.bringToFront")
-    shared_tab.window(1440, 900)
+    open_scene.send("Page.bringToFront")
+    open_scene.window(1440, 900)
     # Do not loop, which would keep a busy machine drawing.
     still = {"name": "prefers-reduced-motion", "value": "reduce"}
-    shared_tab.send("Emulation.setEmulatedMedia", features=[still])
-    shared_tab.open(f"{planted[0].as_uri()}#overview")
-    shared_tab.until(DRAWN)
-    yield shared_tab
+    open_scene.send("Emulation.setEmulatedMedia", features=[still])
+    open_scene.open(f"{planted[0].as_uri()}#overview")
+    open_scene.until(DRAWN)
+    yield open_scene
     # Software rendering emits performance warnings.
-    shared_tab.problems = [one for one in shared_tab.problems if "GL Driver Message" not in one]
-    sound(shared_tab, planted[0].as_uri())
+    open_scene.problems = [one for one in open_scene.problems if "GL Driver Message" not in one]
+    sound(open_scene, planted[0].as_uri())
 
 
 def poses(tab: Tab) -> Array:

@@ -139,7 +139,6 @@ def _file_diff(
 
 
 def _whole_change(file: Path, name: str, accepted: str) -> str:
-    """Return how a file changed as a whole; empty if its lines changed."""
     if name == OTHER_FILES:
         return "a file beside the models changed, or was added or removed"
     if file.is_dir():

@@ -62,7 +62,6 @@ def places(files: Iterable[Path]) -> Mapping[Key, str]:
 
 
 def _named(element: XmlElement) -> Iterator[tuple[Key, XmlElement]]:
-    """Yield the named elements in and below an element."""
     name, kind = element.attributes.get("name", ""), _kind(element)
     if name and kind:
         yield (kind, name), element

@@ -161,7 +161,6 @@ _MERGED = "crosscheck-merged"
 
 
 def _absolute(model: XmlElement, file: Path) -> None:
-    """Write the whole paths of the meshes of a model of a file."""
     for uri in (uri for mesh in model.iter("mesh") for uri in mesh.findall("uri")):
         path = _locate(file, uri.text.strip())
         uri.text = uri.text if path is None else str(path.resolve())

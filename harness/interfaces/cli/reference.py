@@ -157,7 +157,6 @@ def _meaning_and_default(action: argparse.Action) -> tuple[str, str]:
 
 
 def _defaults(commands: Mapping[str, list[str]]) -> str:
-    """Return the default of most commands, and other defaults with their commands."""
     common, *others = sorted(commands, key=lambda default: -len(commands[default]))
     text = "; ".join(f"{default} for {', '.join(commands[default])}" for default in others)
     return f"{common} ({text})" if text else common

@@ -128,7 +128,6 @@ def curve(t: Array, values: Array, description: str, noise: float = 0.0) -> str:
 
 
 def _stretches(finite: NDArray[np.bool_]) -> list[Indices]:
-    """Return indices of the finite stretches."""
     indices = np.flatnonzero(finite)
     return [s for s in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1) if len(s) > 1]
 
