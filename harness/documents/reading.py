@@ -45,6 +45,9 @@ _KINDS = {
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 """Suffixes of USD files."""
 
+FLOAT_DIGITS = 5e-7
+"""Largest relative rounding of numbers that USD stores in 32 bits."""
+
 STAGE_SETTINGS = ("variants", "allow_outside")
 """Settings of engines with which a stage is opened, as of `UsdStage`."""
 

@@ -113,7 +113,7 @@ def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
 
 
 def test_one_mass_across_formats_is_one_line(tmp_path: Path) -> None:
-    mass = "0.90000123"  # with six digits it is another one
+    mass = "0.90000123"  # six digits do not give it from 0.9
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
     comparison = compared(a, b, engine_b="mujoco")

@@ -130,6 +130,7 @@ def _unresolved(rows: Sequence[ActingQuantity | None]) -> str:
 
 
 def _by_solver(rows: Sequence[ActingQuantity | None]) -> str:
+    """Return the rule of an impulse solver in the only file whose engine has one, or ""."""
     words = ("product", "harmonic", "slop", "step", "impulse")
     labelled = [rule for rule in _labelled_rules(rows) if any(word in rule for word in words)]
     return labelled[0] if len(labelled) == 1 else ""

@@ -82,6 +82,7 @@ def held_alike(a: CompiledTree, b: CompiledTree, pairs: Pairs[int]) -> tuple[Hel
 
 
 def _state(compiled: CompiledTree, index: int) -> float:
+    """Return an initial state: within its range, its control's range, or 0 to 1."""
     owner = next((one for one in compiled.actuators if index in one.states), None)
     ranges = {} if owner is None else dict(owner.ranges)
     low, high = ranges.get("state range") or ranges.get("control range") or (0.0, 1.0)

@@ -30,7 +30,7 @@ from physics_crosscheck.harness.checks.prepare import PreparedTree, prepare_tree
 from physics_crosscheck.harness.checks.task import model_task
 from physics_crosscheck.harness.diagnosis.robot_task import diagnose_robot
 from physics_crosscheck.harness.documents.expanded import relocated, with_sources
-from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
+from physics_crosscheck.harness.documents.reading import FLOAT_DIGITS, USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.jobs.executor import Executor
@@ -57,15 +57,7 @@ from physics_crosscheck.reference.solving.segments import Segments
 from .acting import compare_acting
 from .attribution import Attribution, attributed
 from .candidate import Candidate, CompareError, Facts, FailureError, ask, ask_each, fallbacks
-from .judge import (
-    FLOAT_DIGITS,
-    Judgement,
-    Recorded,
-    explained,
-    judge,
-    judged_by_equations,
-    recorded_runs,
-)
+from .judge import Judgement, Recorded, explained, judge, judged_by_equations, recorded_runs
 from .laws import compare_laws
 from .match import Match, pairs_of
 from .prepared import PreparedComparison, omission_notes, prepare
@@ -202,6 +194,7 @@ def compare(
 
 
 def _prepared(executor: Executor, options: CompareOptions) -> PreparedComparison:
+    """Load both models; in the next engine that both share, if the first one can't load them."""
     try:
         return prepare(executor, options.a, options.b, options.joints, options.include_constraints)
     except FailureError:
@@ -223,7 +216,6 @@ def _decided(
         return compared, Outcome.AGREES, ""
     rows = deciding(compared, options.resolution, unknown)
     every = list(dict.fromkeys([*(row for row in compared.properties if row.moves), *rows]))
-    rounded = []
     if any(one.sidecar.model.suffix in USD_SUFFIXES for one in prepared.models):
         rounded = [
             row for row in every if row.relative is not None and row.relative <= FLOAT_DIGITS
@@ -311,8 +303,9 @@ def _written_digits(prepared: PreparedComparison) -> tuple[int, int]:
         matches = _NUMBERS.finditer(file.read_bytes())
         digits = {one[0]: len(one[1].replace(b".", b"").rstrip(b"0")) for one in matches}
         longer = [float(text) for text, count in digits.items() if count > FLOAT_PRECISION]
-        is_float = np.allclose(np.array(longer, dtype=np.float32), longer, 1e-8, 0.0)
-        is_float &= bool(longer)
+        with np.errstate(over="ignore"):
+            floats = np.array(longer, dtype=np.float32)
+        is_float = bool(longer) and np.allclose(floats, longer, 1e-8, 0.0)
         least.append(FLOAT_PRECISION if is_float else max(digits.values(), default=0))
     written = min((one for one in least if one in WRITTEN_DIGITS), default=0)
     return written, 0 if files[0].suffix != files[1].suffix else written or 99

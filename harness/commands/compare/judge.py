@@ -20,9 +20,6 @@ from .segments import SOURCE_SHARE, Ends, own_forces, reversed_segments, unwrapp
 from .side import Difference, FileEquations, ModelSide
 from .states import SampledStates
 
-FLOAT_DIGITS = 5e-7
-"""Largest relative rounding of numbers that USD stores in 32 bits."""
-
 EQUAL_TOLERANCE = 1e-6
 """Relative tolerance for equal differences, such as those of identical legs."""
 

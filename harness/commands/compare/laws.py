@@ -137,6 +137,7 @@ def _load_laws(facts: Facts) -> _LawSide | None:
 
 
 def _shipped(candidate: Candidate) -> ModelSpec:
+    """Return a model without the settings that the comparison adds, except its root."""
     spec = candidate.sidecar.spec(candidate.engine)
     added = candidate.given - {"floating"}
     return replace(

@@ -215,6 +215,7 @@ def _loaded(executor: Executor, models: tuple[Candidate, Candidate]) -> tuple[Pa
 
 
 def _may_float(candidate: Candidate) -> bool:
+    """Return whether a URDF's root may float, since neither sidecar nor settings state it."""
     is_open = candidate.bare and candidate.floating is None
     return is_open and candidate.sidecar.model.suffix == ".urdf"
 
@@ -361,6 +362,7 @@ def omission_notes(prepared: PreparedComparison, *, by_law: bool) -> tuple[str, 
 
 
 def _parts(model: Facts) -> tuple[Omission, ...]:
+    """Return what a model's motions leave out."""
     settings = model.candidate.settings
     if model.robot is None or not settings.get("smooth", False):
         return ()

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
-from physics_crosscheck.harness.documents.reading import USD_SUFFIXES
+from physics_crosscheck.harness.documents.reading import FLOAT_DIGITS, USD_SUFFIXES
 from physics_crosscheck.harness.engines.protocol import Array
 from physics_crosscheck.harness.jobs.executor import Executor
 from physics_crosscheck.harness.modelfiles.robot import LinkPart
@@ -34,7 +34,7 @@ from .alignment import (
     with_link,
 )
 from .candidate import Candidate, Facts, ask
-from .judge import FLOAT_DIGITS, weighed
+from .judge import weighed
 from .match import JointPair, joints_of, pairs_of
 from .prepared import PreparedComparison
 from .side import (

@@ -10,6 +10,7 @@ from pathlib import Path
 from msgspec.structs import replace
 from rich.console import Console
 
+from physics_crosscheck.harness.documents.reading import FLOAT_DIGITS, USD_SUFFIXES
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.comparison import (
     Compared,
@@ -34,8 +35,8 @@ MAX_NAMES = 3
 SHARE = 0.99
 """Share of a discrepancy that makes a difference its cause."""
 
-SIX_DIGITS, FLOAT_DIGITS = 5e-6, 5e-7
-"""Maximum relative rounding of a number written with six digits, and of one in 32 bits."""
+SIX_DIGITS = 5e-6
+"""Maximum relative rounding of a number written with six digits."""
 
 MINOR = 1e-5
 """Relative difference, or effect, below which a difference is minor: one line counts them."""
@@ -126,16 +127,17 @@ def _folded_rows(
     minor = [row for row in [*rows, *last][1:] if 0 < (row.relative or 0.0) < MINOR]
     lines: list[str] = []
     for group, after in ((rows, others), (last, ())):
-        alike: dict[str, list[ComparedProperty]] = {}
+        alike: dict[tuple[str, ...], list[ComparedProperty]] = {}
         for row in group:
             if row in minor:
                 continue
             named = rf"\b(joint|link|shape) {re.escape(row.about)}: " if row.about else "$^"
-            text = row.message.replace("{", "{{").replace("}", "}}")
-            alike.setdefault(re.sub(named, r"\1s {}: ", text, count=1), []).append(row)
+            alike.setdefault(tuple(re.split(named, row.message, maxsplit=1)), []).append(row)
         for key, same in alike.items():
-            names = listed([row.about for row in same], MAX_NAMES)
-            text = same[0].message if len(same) == 1 else key.format(names)
+            text = same[0].message
+            if len(same) > 1 and len(key) == 3:
+                names = listed([row.about for row in same], MAX_NAMES)
+                text = f"{key[0]}{key[1]}s {names}: {key[2]}"
             lines.append(_where(same[0], is_short) + text)
         lines += after
     if minor:
@@ -241,7 +243,7 @@ def _without_rounding(comparison: ComparisonResult) -> Compared | None:
 
 
 def _is_usd(comparison: ComparisonResult) -> bool:
-    return any(Path(model.model).suffix.startswith(".usd") for model in comparison.models)
+    return any(Path(model.model).suffix in USD_SUFFIXES for model in comparison.models)
 
 
 def _is_stated(compared: Compared) -> bool:
